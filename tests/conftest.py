@@ -1,0 +1,20 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+_BESIDE_THE_REPOSITORY = Path(__file__).resolve().parents[2] / "shared"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Folder with the real captures and reference material, which the repository does not hold."""
+    folder = Path(os.environ.get("EASYHECPP_SHARED", _BESIDE_THE_REPOSITORY))
+    if not folder.is_dir():
+        pytest.skip(
+            "needs the shared folder with the real captures: put it beside the repository, "
+            "or name it in EASYHECPP_SHARED"
+        )
+    return folder
