@@ -1,0 +1,198 @@
+"""From a URDF file to a `Robot`: read, resolve, load meshes, choose the base."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from easyhecpp.errors import InputError
+from easyhecpp.robot import primitives
+from easyhecpp.robot.kinematics import build_tree
+from easyhecpp.robot.link_mesh import LinkMesh
+from easyhecpp.robot.mesh_files import Triangles, concatenate, read_mesh
+from easyhecpp.robot.resolve import FileFinder
+from easyhecpp.robot.robot import Robot, check_known
+from easyhecpp.robot.urdf import Shape, Urdf, UrdfLink, parse_urdf
+
+GEOMETRIES = ("visual", "collision")
+
+
+def load_robot(
+    path: Path,
+    *,
+    package_dirs: Sequence[str | os.PathLike] = (),
+    base_link: str | None = None,
+    ignore_links: Iterable[str] = (),
+    geometry: str = "visual",
+) -> Robot:
+    """See `Robot.from_urdf`."""
+    ignored = tuple(ignore_links)
+    if geometry not in GEOMETRIES:
+        raise InputError(
+            f"unknown geometry '{geometry}'", expected=f"one of {', '.join(GEOMETRIES)}"
+        )
+    finder = FileFinder(path, package_dirs)
+    urdf = parse_urdf(_read_description(path, package_dirs), path)
+    check_known(ignored, tuple(urdf.links), "link to ignore,")
+    if base_link is not None:
+        check_known([base_link], tuple(urdf.links), "base link")
+
+    shapes = {n: getattr(k, geometry) for n, k in urdf.links.items() if n not in ignored}
+    shapes = {name: s for name, s in shapes.items() if s}
+    if not shapes:
+        raise _no_geometry(urdf, ignored, geometry, path)
+    files = _find_files(shapes, finder, urdf, geometry, path)
+    meshes = _load_meshes(shapes, files)
+
+    tree = build_tree(urdf)
+    actuated = [j for j in urdf.joints if j.moves and j.mimic is None]
+    limits = np.array([[j.lower, j.upper] for j in actuated]).reshape(-1, 2).T.copy()
+    limits.setflags(write=False)
+    return Robot(
+        name=urdf.name,
+        joint_names=tree.joint_names,
+        joint_types=tuple(j.type for j in actuated),
+        lower=limits[0],
+        upper=limits[1],
+        base_link=base_link or default_base(urdf),
+        link_names=tuple(shapes),
+        meshes=meshes,
+        frame_names=tree.frame_names,
+        notes=_notes(urdf, ignored, geometry),
+        tree=tree,
+    )
+
+
+def default_base(urdf: Urdf) -> str:
+    """The first link with geometry met when walking down from the root through fixed joints.
+
+    Breadth first, siblings in document order; the root itself when there is no such link. Visual
+    and collision geometry both count, so that the base does not depend on which one is used.
+    """
+    queue = [urdf.root]
+    for name in queue:
+        if _has_geometry(urdf.links[name]):
+            return name
+        queue += [j.child for j in urdf.joints if j.parent == name and j.type == "fixed"]
+    return urdf.root
+
+
+def _has_geometry(link: UrdfLink) -> bool:
+    return bool(link.visual or link.collision)
+
+
+def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike]) -> bytes:
+    if not path.is_file():
+        raise InputError(
+            "the robot description does not exist", where=str(path), expected="a .urdf or .xacro"
+        )
+    if path.suffix == ".xacro":
+        from easyhecpp.robot.xacro import expand_xacro
+
+        return expand_xacro(path, package_dirs)
+    return path.read_bytes()
+
+
+def _find_files(
+    shapes: dict[str, tuple[Shape, ...]], finder: FileFinder, urdf: Urdf, geometry: str, path: Path
+) -> dict[str, Path]:
+    """Mesh name to file; all that are missing are reported together."""
+    files: dict[str, Path] = {}
+    missing: dict[str, tuple[str, list[Path]]] = {}
+    for link, link_shapes in shapes.items():
+        for shape in link_shapes:
+            name = shape.filename
+            if name is None or name in files or name in missing:
+                continue
+            found, tried = finder.find(name)
+            if found is None:
+                missing[name] = (link, tried)
+            else:
+                files[name] = found
+    if missing:
+        lines = [
+            f"'{name}' of link '{link}', looked for at " + ", ".join(map(str, tried))
+            if tried
+            else f"'{name}' of link '{link}', whose scheme is not package:// or file://"
+            for name, (link, tried) in missing.items()
+        ]
+        raise InputError(
+            f"{len(missing)} mesh file{'s are' if len(missing) > 1 else ' is'} missing:\n  "
+            + "\n  ".join(lines)
+            + "\n",
+            where=str(path),
+            fix=_missing_fix(urdf, finder, geometry),
+        )
+    return files
+
+
+def _missing_fix(urdf: Urdf, finder: FileFinder, geometry: str) -> str:
+    fix = "give the folder that holds the packages (package_dirs), or ignore the links"
+    collisions = [s.filename for k in urdf.links.values() for s in k.collision if s.filename]
+    if geometry == "visual" and collisions and all(finder.find(f)[0] for f in collisions):
+        fix += "; the collision meshes are all there: geometry='collision' would use them"
+    return fix
+
+
+def _load_meshes(
+    shapes: dict[str, tuple[Shape, ...]], files: dict[str, Path]
+) -> tuple[LinkMesh, ...]:
+    read: dict[Path, Triangles] = {}
+    meshes = []
+    for link_shapes in shapes.values():
+        pieces, error = [], 0.0
+        for shape in link_shapes:
+            vertices, faces, shape_error = _shape_triangles(shape, files, read)
+            T = shape.T_link_shape
+            pieces.append((vertices @ T[:3, :3].T + T[:3, 3], faces))
+            error = max(error, shape_error)
+        mesh = LinkMesh.from_triangles(*concatenate(pieces), error=error)
+        if len(mesh.faces) == 0:
+            raise InputError(
+                "the mesh is empty: all its triangles are degenerate", where=link_shapes[0].where
+            )
+        meshes.append(mesh)
+    return tuple(meshes)
+
+
+def _shape_triangles(
+    shape: Shape, files: dict[str, Path], read: dict[Path, Triangles]
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Vertices in the shape's frame, faces, and the error of tessellation in metres."""
+    if shape.filename is None:
+        return getattr(primitives, shape.kind)(shape.size)
+    path = files[shape.filename]
+    if path not in read:
+        read[path] = read_mesh(path)
+    vertices, faces = read[path]
+    # A mirroring scale turns faces inside out; walking them the other way round undoes that.
+    mirrored = np.prod(shape.size) < 0
+    return vertices * np.array(shape.size), faces[:, ::-1] if mirrored else faces, 0.0
+
+
+def _no_geometry(urdf: Urdf, ignored: Sequence[str], geometry: str, path: Path) -> InputError:
+    other = "collision" if geometry == "visual" else "visual"
+    has_other = any(getattr(k, other) for n, k in urdf.links.items() if n not in ignored)
+    return InputError(
+        f"no link has {geometry} geometry" + (" that is not ignored" if ignored else ""),
+        where=str(path),
+        fix=f"it has {other} geometry: use geometry='{other}'" if has_other else None,
+    )
+
+
+def _notes(urdf: Urdf, ignored: Sequence[str], geometry: str) -> tuple[str, ...]:
+    other = "collision" if geometry == "visual" else "visual"
+    only_other = [
+        name
+        for name, link in urdf.links.items()
+        if name not in ignored and getattr(link, other) and not getattr(link, geometry)
+    ]
+    if not only_other:
+        return ()
+    return (
+        f"Links with {other} but no {geometry} geometry are left out of the picture: "
+        f"{', '.join(only_other)}.",
+    )

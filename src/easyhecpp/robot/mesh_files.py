@@ -1,0 +1,147 @@
+"""Mesh files to bare triangles, in the file's own axes and in metres.
+
+STL and COLLADA, which nearly all robots use, are read here, because importing a general mesh
+library costs more than reading all meshes of an arm; the rest goes through trimesh.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from easyhecpp.errors import InputError
+from easyhecpp.robot.urdf import refuse_dtd
+
+SUFFIXES = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".off")
+
+Triangles = tuple[np.ndarray, np.ndarray]
+
+_STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_STL_HEADER_BYTES = 84
+
+
+def read_mesh(path: Path) -> Triangles:
+    """Read a mesh file.
+
+    COLLADA units are applied and so are the transforms of the scene graph. COLLADA's `<up_axis>`
+    is not: in a URDF, coordinates are taken as they stand, as RViz and MoveIt take them, and
+    robot descriptions are made to look right there.
+
+    Args:
+        path: the file; its suffix says the format.
+
+    Returns:
+        vertices (V, 3) float64 and faces (F, 3), not welded.
+
+    Raises:
+        InputError: unknown format, unreadable file, no triangles, numbers that are not finite.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(
+            f"the mesh format '{path.suffix}' is not known",
+            where=str(path),
+            expected=f"one of {', '.join(SUFFIXES)}",
+            fix="convert the mesh, for example to STL",
+        )
+    try:
+        data = path.read_bytes()
+        if suffix == ".stl":
+            vertices, faces = _read_stl(data)
+        elif suffix == ".dae":
+            vertices, faces = _read_collada(data, path)
+        else:
+            vertices, faces = _read_with_trimesh(path)
+    except InputError:
+        raise
+    except Exception as error:  # parsers of foreign files raise anything
+        raise InputError(
+            f"the mesh cannot be read: {error}", where=str(path), expected=f"a valid {suffix} file"
+        ) from error
+    if len(faces) == 0:
+        raise InputError(
+            "the mesh is empty: it has no triangles",
+            where=str(path),
+            fix="export it again, or ignore the link",
+        )
+    if not np.isfinite(vertices).all():
+        raise InputError("the mesh has vertices that are not finite numbers", where=str(path))
+    return vertices, faces
+
+
+def _read_stl(data: bytes) -> Triangles:
+    count = int.from_bytes(data[80:84], "little")
+    # Binary files may begin with "solid" too, so the length decides; some writers append to it.
+    needed = _STL_HEADER_BYTES + count * _STL_FACET.itemsize
+    if len(data) >= _STL_HEADER_BYTES and (
+        len(data) == needed or (len(data) > needed and not data.lstrip().startswith(b"solid"))
+    ):
+        facets = np.frombuffer(data, _STL_FACET, count, _STL_HEADER_BYTES)
+        corners = facets["corners"].astype(np.float64).reshape(-1, 3)
+    elif data.lstrip().startswith(b"solid"):
+        words = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
+        corners = np.array(words, dtype=bytes).astype(np.float64).reshape(-1, 3)
+    else:
+        raise ValueError(f"{len(data)} bytes, but its header promises {count} triangles")
+    return corners, np.arange(len(corners)).reshape(-1, 3)
+
+
+def _read_collada(data: bytes, path: Path) -> Triangles:
+    refuse_dtd(data, path)
+    from collada import Collada, common  # 0.2 s, only for robots that use it
+
+    # Broken materials and missing textures do not matter for shapes.
+    ignored = [common.DaeUnsupportedError, common.DaeBrokenRefError]
+    document = Collada(io.BytesIO(data), ignore=ignored)
+    if document.scene is None:
+        raise ValueError("it has no scene")
+    pieces = []
+    for geometry in document.scene.objects("geometry"):
+        mirrored = np.linalg.det(geometry.matrix[:3, :3]) < 0
+        for primitive in geometry.primitives():
+            triangles = _collada_triangles(primitive)
+            if triangles is not None:
+                vertices, faces = triangles
+                pieces.append((vertices, faces[:, ::-1] if mirrored else faces))
+    vertices, faces = concatenate(pieces)
+    return vertices * (document.assetInfo.unitmeter or 1.0), faces
+
+
+def _collada_triangles(primitive: Any) -> Triangles | None:
+    """Triangles of a COLLADA primitive, None for lines and for empty ones."""
+    if hasattr(primitive, "triangleset"):
+        primitive = primitive.triangleset()
+    index = getattr(primitive, "vertex_index", None)
+    if index is None or primitive.vertex is None or np.ndim(index) != 2 or index.shape[1] != 3:
+        return None
+    return np.asarray(primitive.vertex, np.float64), np.asarray(index)
+
+
+def _read_with_trimesh(path: Path) -> Triangles:
+    import trimesh  # close to a second, only for robots that use it
+
+    scene = trimesh.load_scene(path, process=False)
+    pieces = []
+    for name in scene.graph.nodes_geometry:
+        transform, geometry = scene.graph[name]
+        mesh = scene.geometry[geometry]
+        if isinstance(mesh, trimesh.Trimesh):
+            vertices = mesh.vertices @ transform[:3, :3].T + transform[:3, 3]
+            mirrored = np.linalg.det(transform[:3, :3]) < 0
+            pieces.append((vertices, mesh.faces[:, ::-1] if mirrored else mesh.faces))
+    return concatenate(pieces)
+
+
+def concatenate(pieces: list[Triangles]) -> Triangles:
+    """Several meshes as one, face indices shifted; no pieces give an empty mesh."""
+    if not pieces:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    starts = np.cumsum([0] + [len(vertices) for vertices, _ in pieces[:-1]])
+    return (
+        np.concatenate([vertices for vertices, _ in pieces]),
+        np.concatenate([faces + start for (_, faces), start in zip(pieces, starts, strict=True)]),
+    )
