@@ -1,15 +1,14 @@
-"""Readable, exact-by-sampling reference renderer.
+"""Readable reference renderer, exact but for the number of samples.
 
-The picture is asked at a regular grid of sample points inside every pixel: each sample's ray is found by
-undoing the camera's distortion exactly, and the ray is tested against every triangle that could be
-hit, in normalised image coordinates (x / z, y / z), where triangles are straight-sided whatever the
-lens does. Nothing is approximated but the number of samples. The fast kernels are judged by this
-module, so it is written to be read, not to be fast; `reference_compiled` is the same computation as
-machine code.
+The picture is asked at a regular grid of sample points inside every pixel: each sample's ray is
+found by undoing the camera's distortion exactly, and is tested against every triangle that could be
+hit, in normalised image coordinates (x / z, y / z), where triangles have straight sides whatever
+the lens does. The fast kernels are judged by this module, so it is written to be read;
+`easyhecpp.render.reference_compiled` is the same computation as machine code.
 
-Conventions: an integer pixel coordinate is the pixel's centre; a sample exactly on an outline counts
-as covered; the supersampling factor is odd, so that one sample lies on the pixel's centre and no tie
-at one half can arise when a coverage is thresholded into a mask.
+Conventions: an integer pixel coordinate is the pixel's centre; a sample exactly on an outline
+counts as covered; the supersampling factor is odd, so that one sample lies on the pixel's centre
+and no tie at one half can arise when a coverage is thresholded into a mask.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ from easyhecpp.robot import LinkMesh
 #: Surface closer to the camera's plane than this (metres) is cut away before projecting.
 NEAR = 1e-3
 
-# Samples within this distance of an edge (normalised units, about 1e-9 px) count as inside, so that
-# rounding cannot open a crack between two triangles that share an edge.
-_EDGE_TOLERANCE = 1e-12
+#: Samples within this distance of an edge (normalised units, about 1e-9 px) count as inside, so
+#: that rounding cannot open a crack between two triangles that share an edge.
+EDGE_TOLERANCE = 1e-12
 
 # Upper limit of samples tested at once: as many as stay in the cache.
 _CHUNK_SAMPLES = 100_000
@@ -152,7 +151,7 @@ def project_triangles(
     boxes = _sample_boxes(corners, camera, supersample)
     # A triangle seen edge-on has no inside; its neighbours cover what it could have covered.
     areas = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    keep = np.abs(areas) > _EDGE_TOLERANCE * np.ptp(corners, axis=1).max(axis=1)
+    keep = np.abs(areas) > EDGE_TOLERANCE * np.ptp(corners, axis=1).max(axis=1)
     keep &= (boxes[:, 0] < boxes[:, 2]) & (boxes[:, 1] < boxes[:, 3])
     return ProjectedTriangles(
         _edge_lines(corners[keep], np.sign(areas[keep])),
@@ -252,8 +251,8 @@ def _sample_boxes(
 def _view_rectangle(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Smallest and largest normalised coordinates that any sample of the image can have.
 
-    The extremes of a distorted image lie on its border (or, for an odd lens, are at least close to
-    those of a dense border); the margin of 5 % covers the spacing of the border points.
+    They lie on the image's border; the margin of 5 % covers the spacing of the border points. In
+    a fisheye's corners there may be no ray at all, and close by rays may point anywhere.
     """
     columns = np.linspace(-0.5, camera.width - 0.5, 65)
     rows = np.linspace(-0.5, camera.height - 0.5, 65)
@@ -262,6 +261,8 @@ def _view_rectangle(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.flo
         + [np.stack([np.full(65, column), rows], axis=-1) for column in (columns[0], columns[-1])]
     )
     xy = camera.unproject(border)[:, :2]
+    if np.isnan(xy).any():
+        return np.full(2, -1.0 / NEAR), np.full(2, 1.0 / NEAR)
     low, high = xy.min(axis=0), xy.max(axis=0)
     margin = 0.05 * (high - low)
     return low - margin, high + margin
@@ -308,7 +309,7 @@ def _hits(triangles: ProjectedTriangles, camera: Camera, supersample: int) -> It
         inside = np.ones(len(ray), dtype=bool)
         for edge in range(3):
             a, b, c = np.repeat(triangles.edges[owner, edge].T, repeats, axis=1)
-            inside &= a * x + b * y + c >= -_EDGE_TOLERANCE
+            inside &= a * x + b * y + c >= -EDGE_TOLERANCE
         hit = np.repeat(owner, repeats)[inside]
         a, b, c = triangles.inverse_depths[hit].T
         yield _Hits(row[inside], column[inside], hit, a * x[inside] + b * y[inside] + c)
