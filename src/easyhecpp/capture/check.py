@@ -1,0 +1,38 @@
+"""Everything wrong with a capture folder at once, down to what its pictures show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from easyhecpp.capture.folder import read_folder
+from easyhecpp.capture.health import FrameStatistics, health_findings
+from easyhecpp.capture.problems import Problem
+from easyhecpp.errors import InputError
+
+
+def check_capture(folder: str | Path) -> list[Problem]:
+    """Check a capture folder without stopping at the first problem.
+
+    Unlike `Capture.load` this decodes every picture, so it also finds damage inside of files,
+    black or frozen frames and jumps of the exposure.
+
+    Args:
+        folder: The capture folder.
+
+    Returns:
+        Errors first, then warnings, then notes on what was assumed; no errors means that
+        `Capture.load` accepts the folder.
+    """
+    try:
+        contents = read_folder(folder)
+    except InputError as error:
+        return [Problem.from_error(error)]
+    findings = contents.findings
+    statistics: list[FrameStatistics] = []
+    for view in contents.views:
+        if view.has_image:
+            with findings.catching(views=(view.id,), drops="view"):
+                statistics.append(FrameStatistics.of(view.id, view.joints, view.image))
+    for finding in health_findings(statistics):
+        findings.warn(finding.text, fix=finding.fix, views=finding.views)
+    return findings.sorted()

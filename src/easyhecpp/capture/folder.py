@@ -1,0 +1,265 @@
+"""Reading a capture folder: everything that is there and everything that is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.camera import Camera
+from easyhecpp.capture._text import listing, plural
+from easyhecpp.capture.camera_info import parse_camera_info
+from easyhecpp.capture.config import CONFIG_NAME, CaptureConfig, read_config
+from easyhecpp.capture.joint_table import JointTable, read_joint_table
+from easyhecpp.capture.joints import JointReader
+from easyhecpp.capture.pictures import check_depths, check_images, check_masks, list_pictures
+from easyhecpp.capture.problems import Findings, Part
+from easyhecpp.capture.view import View
+from easyhecpp.errors import InputError
+from easyhecpp.rig import Rig
+from easyhecpp.robot import Robot
+from easyhecpp.robot.resolve import FileFinder
+
+_LAYOUT = (
+    "camera_info.yaml, joints.csv, images/NNNN.png, robot/robot.urdf, and optionally "
+    "capture.yaml, masks/ and depth/"
+)
+
+
+@dataclass(frozen=True)
+class FolderContents:
+    """What a capture folder holds.
+
+    Attributes:
+        root: The folder.
+        config: Its settings.
+        camera: Intrinsics, None when they could not be read.
+        robot: The robot, None when it could not be read.
+        views: Views with joints and pictures, without those that `findings` drop.
+        findings: Everything that was wrong or had to be assumed.
+    """
+
+    root: Path
+    config: CaptureConfig
+    camera: Camera | None
+    robot: Robot | None
+    views: tuple[View, ...]
+    findings: Findings
+
+
+def read_folder(folder: str | Path) -> FolderContents:
+    """Read a capture folder as far as possible, collecting what is wrong.
+
+    Raises:
+        InputError: There is no such folder, it is empty, or its settings cannot be read, so that
+            nothing else can be looked at.
+    """
+    root = _checked_root(Path(folder))
+    config = read_config(root)
+    findings = Findings()
+    camera = _read_camera(root, config, findings)
+    robot = _read_robot(root, config, findings)
+    table: JointTable | None = None
+    with findings.catching():
+        table = read_joint_table(root / config.joints, findings)
+    vectors: dict[str, NDArray[np.float64]] = {}
+    if robot is not None and table is not None:
+        vectors = JointReader(table, robot, config, findings).vectors()
+    files = _Files.find(root, config, findings)
+    if table is not None:
+        files.match(table, findings)
+    check_images(files.images, camera, findings)
+    check_masks(files.masks, camera, findings)
+    check_depths(files.depths, camera, findings)
+    views = _views(vectors, files, findings)
+    return FolderContents(root, config, camera, robot, views, findings)
+
+
+def _checked_root(root: Path) -> Path:
+    if not root.is_dir():
+        raise InputError(
+            "There is no such capture folder" if not root.exists() else "This is not a folder",
+            where=root,
+            expected=f"a folder with {_LAYOUT}",
+        )
+    try:
+        entries = sorted(item for item in root.iterdir() if not item.name.startswith("."))
+    except OSError as error:
+        raise InputError(
+            f"The capture folder cannot be listed: {error.strerror}", where=root
+        ) from error
+    if not entries:
+        raise InputError(
+            "The capture folder is empty", where=root, expected=f"a folder with {_LAYOUT}"
+        )
+    inner = [item.name for item in entries if (item / "joints.csv").is_file()]
+    if inner and not (root / "joints.csv").exists() and not (root / CONFIG_NAME).exists():
+        raise InputError(
+            "This folder holds captures, it is none itself",
+            where=root,
+            expected=f"a folder with {_LAYOUT}",
+            fix=f"Take one of {listing(inner)}",
+        )
+    return root
+
+
+def _read_camera(root: Path, config: CaptureConfig, findings: Findings) -> Camera | None:
+    with findings.catching():
+        camera, notes = parse_camera_info(root / config.camera_info)
+        for note in notes:
+            findings.note(note, where=config.camera_info)
+        return camera
+    return None
+
+
+def _read_robot(root: Path, config: CaptureConfig, findings: Findings) -> Robot | None:
+    with findings.catching():
+        robot = Robot.from_urdf(
+            _robot_path(root, config),
+            package_dirs=[root / Path(folder).expanduser() for folder in config.package_dirs],
+            base_link=config.base_link,
+            ignore_links=config.ignore_links,
+        )
+        for note in robot.notes:
+            findings.note(note, where=config.robot)
+        Rig(robot, config.setup, config.ee_link)
+        return robot
+    return None
+
+
+def _robot_path(root: Path, config: CaptureConfig) -> Path:
+    if not config.robot.startswith("package://"):
+        path = root / Path(config.robot).expanduser()
+        if not path.is_file():
+            raise InputError(
+                "There is no robot description",
+                where=path,
+                expected="a .urdf or .xacro file",
+                fix=f"Put it there, or name it in {CONFIG_NAME}: 'robot: FILE'",
+            )
+        return path
+    folders = [root / Path(folder).expanduser() for folder in config.package_dirs]
+    found, tried = FileFinder(root / CONFIG_NAME, folders).find(config.robot)
+    if found is None:
+        raise InputError(
+            f"There is no robot description '{config.robot}'; looked for at "
+            f"{listing(tried, limit=6)}",
+            where=root / CONFIG_NAME,
+            fix="Add the folder that holds the package to 'package_dirs'",
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class _Files:
+    """The files of each kind by view id."""
+
+    images: dict[str, Path]
+    masks: dict[str, Path]
+    depths: dict[str, Path]
+    image_folder: Path
+
+    @staticmethod
+    def find(root: Path, config: CaptureConfig, findings: Findings) -> _Files:
+        """List the folders of pictures; a capture without any is an error."""
+        found: list[dict[str, Path]] = []
+        for name, kind in (
+            (config.images, "image"),
+            (config.masks, "mask"),
+            (config.depth, "depth image"),
+        ):
+            found.append({})
+            with findings.catching():
+                found[-1] = list_pictures(root / name, kind, findings)
+        files = _Files(found[0], found[1], found[2], root / config.images)
+        if not files.images and files.masks:
+            findings.note("There are no images, only masks", where=str(files.image_folder))
+        elif not files.images:
+            there = files.image_folder.is_dir()
+            findings.error(
+                "The folder of images holds no image" if there else "There is no folder of images",
+                where=str(files.image_folder),
+                expected="PNG or JPEG files named like the views in joints.csv",
+                fix=f"Put them there, or name the folder in {CONFIG_NAME}: 'images: FOLDER'",
+            )
+        return files
+
+    def match(self, table: JointTable, findings: Findings) -> None:
+        """Report views that are only in the table or only among the pictures."""
+        seen = self.images or self.masks
+        a_kind = "an image" if self.images else "a mask"
+        kinds = "images" if self.images else "masks"
+        if not seen:
+            return
+        rows, name = set(table.views), table.path.name
+        unseen = [view for view in table.views if view and view not in seen]
+        unknown = [view for view in seen if view not in rows]
+        hint = _zeros_hint(unseen, unknown)
+        if unknown:
+            findings.error(
+                f"{plural(len(unknown), 'view')} with {a_kind} but without a row in {name}: "
+                f"{listing(unknown)}",
+                where=str(table.path),
+                expected="a row for every view",
+                fix=hint or f"Add the rows, or delete the {kinds}",
+                views=tuple(unknown),
+                drops="view",
+            )
+        if unseen:
+            findings.error(
+                f"{plural(len(unseen), 'view')} with a row in {name} but without {a_kind}: "
+                f"{listing(unseen)}",
+                where=str(next(iter(seen.values())).parent),
+                expected=f"{a_kind} named like every row",
+                fix=hint or f"Add the {kinds}, or delete the rows",
+                views=tuple(unseen),
+                drops="view",
+            )
+        self._match_extras(rows | set(seen), findings)
+
+    def _match_extras(self, views: set[str], findings: Findings) -> None:
+        for files, kind in ((self.masks, "mask"), (self.depths, "depth image")):
+            stray = [view for view in files if view not in views]
+            if stray:
+                findings.warn(
+                    f"{kind.capitalize()} without a view: {listing(stray)}",
+                    where=str(files[stray[0]].parent),
+                    fix="Name it like its image, or delete it",
+                )
+        bare = [view for view in self.images if view not in self.masks]
+        if self.masks and bare:
+            findings.note(f"{plural(len(bare), 'view')} without a mask: {listing(bare)}")
+
+
+def _zeros_hint(rows: Iterable[str], files: Iterable[str]) -> str | None:
+    """Advice when a spreadsheet has eaten the zeros in front of the views' names."""
+    stripped = {name.lstrip("0"): name for name in files}
+    for row in rows:
+        name = stripped.get(row.lstrip("0"))
+        if name is not None:
+            return f"'{row}' is not '{name}': restore the leading zeros in the column 'view'"
+    return None
+
+
+def _views(
+    vectors: Mapping[str, NDArray[np.float64]], files: _Files, findings: Findings
+) -> tuple[View, ...]:
+    """The views without what the errors drop."""
+    dropped: dict[Part, set[str]] = {"view": set(), "mask": set(), "depth": set()}
+    for problem in findings.errors:
+        if problem.drops is not None:
+            dropped[problem.drops].update(problem.views)
+    return tuple(
+        View(
+            view,
+            joints,
+            files.images.get(view),
+            None if view in dropped["mask"] else files.masks.get(view),
+            None if view in dropped["depth"] else files.depths.get(view),
+        )
+        for view, joints in vectors.items()
+        if view not in dropped["view"]
+    )

@@ -1,0 +1,147 @@
+"""The pictures, masks and depth images of a capture folder, matched to views and checked."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+
+from easyhecpp.camera import Camera
+from easyhecpp.capture._text import listing, plural
+from easyhecpp.capture.image_data import conversion_of, inspect_mask, read_depth
+from easyhecpp.capture.image_files import IMAGE_SUFFIXES, ImageHeader, read_header
+from easyhecpp.capture.problems import Findings, Part
+from easyhecpp.errors import InputError
+
+# Formats that people try and that are not read: named, so that nobody wonders where views went.
+_OTHER_IMAGE_SUFFIXES = (".bmp", ".tif", ".tiff", ".webp", ".exr", ".npy", ".heic", ".ppm", ".pgm")
+
+#: What goes wrong with a view when its file of this kind cannot be used.
+_PARTS: dict[str, Part] = {"image": "view", "mask": "mask", "depth image": "depth"}
+
+
+def list_pictures(folder: Path, kind: str, findings: Findings) -> dict[str, Path]:
+    """The PNG and JPEG files of a folder by view id, sorted; empty when there is no folder."""
+    if not folder.exists():
+        return {}
+    try:
+        files = sorted(item for item in folder.iterdir() if not item.name.startswith("."))
+    except OSError as error:
+        raise InputError(
+            f"The folder of {kind}s cannot be listed: {error.strerror}", where=folder
+        ) from error
+    pictures: dict[str, Path] = {}
+    for file in files:
+        if file.suffix.lower() not in IMAGE_SUFFIXES:
+            continue
+        if file.stem in pictures:
+            findings.error(
+                f"View '{file.stem}' has two {kind}s: {pictures[file.stem].name} and {file.name}",
+                where=str(folder),
+                expected=f"one {kind} per view",
+                fix="Delete one of them",
+                views=(file.stem,),
+                drops=_PARTS[kind],
+            )
+        pictures.setdefault(file.stem, file)
+    others = [file.name for file in files if file.suffix.lower() in _OTHER_IMAGE_SUFFIXES]
+    if others:
+        findings.warn(
+            f"{plural(len(others), 'file')} of another format not used: {listing(others, 5)}",
+            where=str(folder),
+            fix="Convert them to PNG",
+        )
+    return pictures
+
+
+def check_images(images: Mapping[str, Path], camera: Camera | None, findings: Findings) -> None:
+    """Check that all pictures are whole and of the camera's size."""
+    headers = _headers(images, "image", findings)
+    _check_sizes(headers, "image", camera, findings)
+    converted = defaultdict(list)
+    for view, header in headers.items():
+        if (conversion := conversion_of(header)) is not None:
+            converted[conversion].append(view)
+    for conversion, views in converted.items():
+        findings.note(f"In the image of {_views(views)}, {conversion}")
+
+
+def check_masks(masks: Mapping[str, Path], camera: Camera | None, findings: Findings) -> None:
+    """Check that all masks are whole, of the camera's size, and show some arm and some rest."""
+    headers = _headers(masks, "mask", findings)
+    _check_sizes(headers, "mask", camera, findings)
+    several = []
+    for view in headers:
+        with findings.catching(views=(view,), drops="mask"):
+            share, n_values = inspect_mask(masks[view])
+            if share in (0.0, 1.0):
+                findings.error(
+                    f"The mask of view '{view}' is {'empty' if share == 0.0 else 'all arm'}",
+                    where=str(masks[view]),
+                    expected="white where the arm is, black elsewhere",
+                    fix="Delete the file to let the arm be segmented anew, or draw it again",
+                    views=(view,),
+                    drops="mask",
+                )
+            elif n_values > 2:
+                several.append(view)
+    if several:
+        findings.note(
+            f"The mask of {_views(several)} has more than two values: what is above half the "
+            "maximum counts as arm"
+        )
+
+
+def check_depths(depths: Mapping[str, Path], camera: Camera | None, findings: Findings) -> None:
+    """Check that all depth images are whole, 16 bit and aligned with the camera."""
+    headers = _headers(depths, "depth image", findings)
+    _check_sizes(headers, "depth image", camera, findings)
+    for view in headers:
+        with findings.catching(views=(view,), drops="depth"):
+            read_depth(depths[view])
+
+
+def _headers(files: Mapping[str, Path], kind: str, findings: Findings) -> dict[str, ImageHeader]:
+    """Headers of the files that are whole."""
+    headers = {}
+    for view, path in files.items():
+        with findings.catching(views=(view,), drops=_PARTS[kind]):
+            headers[view] = read_header(path)
+    return headers
+
+
+def _check_sizes(
+    headers: Mapping[str, ImageHeader], kind: str, camera: Camera | None, findings: Findings
+) -> None:
+    if camera is None:
+        return
+    wrong = defaultdict(list)
+    for view, header in headers.items():
+        if (header.width, header.height) != (camera.width, camera.height):
+            wrong[header.width, header.height].append(view)
+    for (width, height), views in wrong.items():
+        findings.error(
+            f"The {kind} of {_views(views)} is {width}x{height} pixels, the camera "
+            f"{camera.width}x{camera.height}",
+            expected=f"{kind}s of the size in camera_info",
+            fix=_size_fix(kind, width, height, camera),
+            views=tuple(views),
+            drops=_PARTS[kind],
+        )
+
+
+def _size_fix(kind: str, width: int, height: int, camera: Camera) -> str:
+    if kind != "image":
+        return f"Store the {kind} at the size of the image, pixel for pixel"
+    if (height, width) == (camera.width, camera.height):
+        return "The images are turned by 90 degrees: store them as the camera gives them"
+    if width * camera.height == height * camera.width:
+        return (
+            f"The images are scaled by {width / camera.width:.4g}: store them at full size, or "
+            "record camera_info at the images' resolution"
+        )
+    return "Record images and camera_info from the same stream at the same resolution"
+
+
+def _views(views: list[str]) -> str:
+    return f"view{'s' if len(views) > 1 else ''} {listing(views)}"
