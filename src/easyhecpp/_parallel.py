@@ -1,0 +1,37 @@
+"""Threads for work that releases the GIL (compiled kernels, OpenCV)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import TypeVar
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+def usable_cores() -> int:
+    """Number of CPU cores this process may use."""
+    try:
+        return max(1, len(os.sched_getaffinity(0)))
+    except AttributeError:  # not on macOS and Windows
+        return max(1, os.cpu_count() or 1)
+
+
+@cache
+def _pool(owner: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(max_workers=usable_cores(), thread_name_prefix="easyhecpp")
+
+
+def parallel_map(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
+    """``[function(i) for i in items]`` on all usable cores, in order; errors are raised here.
+
+    Do not nest: an inner call could wait for threads that the outer one holds.
+    """
+    todo = list(items)
+    if len(todo) < 2 or usable_cores() == 1:
+        return [function(item) for item in todo]
+    # Keyed by process: the threads of a pool do not survive a fork.
+    return list(_pool(os.getpid()).map(function, todo))

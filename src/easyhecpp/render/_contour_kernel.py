@@ -1,0 +1,246 @@
+"""Contour edges of the posed meshes, projected into the image (compiled).
+
+A face contributes its projected area once, whatever way it looks. Of an edge between two faces
+that look the same way the two contributions cancel; what remains are the contour edges (weight
++-2) and the edges of open boundaries (weight +-1). The running sum of these weights along an image
+row is the number of surface layers above a point, so "sum > 0" is the exact union of all links,
+for closed and for open meshes alike.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.render._jit import jit, jit_inline
+from easyhecpp.render._project import distort
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I8 = NDArray[np.int8]
+I32 = NDArray[np.int32]
+U32 = NDArray[np.uint32]
+
+NEAR = 1e-3
+"""Near plane, metres in front of the camera."""
+
+PIECE_PX = 8.0
+"""Longest straight piece of an edge under lens distortion; bends by less than 0.01 px."""
+
+
+@jit
+def _pixel(
+    x: float, y: float, z: float, fc: F64, model: int, k: F64, valid_radius: float
+) -> tuple[float, float]:
+    xd, yd = distort(x / z, y / z, model, k, valid_radius)
+    return fc[0] * xd + fc[2], fc[1] * yd + fc[3]
+
+
+@jit_inline
+def _emit(
+    n: int,
+    weight: int,
+    link: int,
+    ax: float,
+    ay: float,
+    az: float,
+    bx: float,
+    by: float,
+    bz: float,
+    fc: F64,
+    model: int,
+    k: F64,
+    valid_radius: float,
+    segments: F64,
+    ends: F64,
+    weights: I32,
+    links: I32,
+) -> int:
+    """Append the projection of a 3-D edge, in pieces when the lens bends it; returns the count.
+
+    Nothing is written past the capacity, but the count goes on, so the caller knows what it needs.
+    """
+    pieces = 1
+    if model == 0:
+        u0, v0 = fc[0] * (ax / az) + fc[2], fc[1] * (ay / az) + fc[3]
+        u1, v1 = fc[0] * (bx / bz) + fc[2], fc[1] * (by / bz) + fc[3]
+    else:
+        u0, v0 = _pixel(ax, ay, az, fc, model, k, valid_radius)
+        u1, v1 = _pixel(bx, by, bz, fc, model, k, valid_radius)
+        pieces = min(64, 1 + int(np.sqrt((u1 - u0) ** 2 + (v1 - v0) ** 2) / PIECE_PX))
+    ua, va = u0, v0
+    xa, ya, za = ax, ay, az
+    for i in range(1, pieces + 1):
+        if i == pieces:
+            xb, yb, zb = bx, by, bz
+            ub, vb = u1, v1
+        else:
+            s = i / pieces
+            xb, yb, zb = ax + s * (bx - ax), ay + s * (by - ay), az + s * (bz - az)
+            ub, vb = _pixel(xb, yb, zb, fc, model, k, valid_radius)
+        if n < segments.shape[0]:
+            segments[n, 0], segments[n, 1], segments[n, 2], segments[n, 3] = ua, va, ub, vb
+            ends[n, 0], ends[n, 1], ends[n, 2] = xa, ya, za
+            ends[n, 3], ends[n, 4], ends[n, 5] = xb, yb, zb
+            weights[n] = weight
+            links[n] = link
+        n += 1
+        ua, va = ub, vb
+        xa, ya, za = xb, yb, zb
+    return n
+
+
+@jit
+def _clipped_faces(
+    n: int,
+    link: int,
+    faces: I32,
+    points: F64,
+    fc: F64,
+    model: int,
+    k: F64,
+    valid_radius: float,
+    segments: F64,
+    ends: F64,
+    weights: I32,
+    links: I32,
+) -> int:
+    """Segments of a link that reaches behind the near plane: every face clipped on its own."""
+    poly = np.empty((4, 3))
+    for f in range(faces.shape[0]):
+        m = 0
+        for j in range(3):
+            a = points[faces[f, j]]
+            b = points[faces[f, (j + 1) % 3]]
+            if a[2] > NEAR:
+                poly[m] = a
+                m += 1
+            if (a[2] > NEAR) != (b[2] > NEAR):
+                # In the order of the vertices, so that both faces of an edge cut it at one point.
+                if faces[f, j] > faces[f, (j + 1) % 3]:
+                    a, b = b, a
+                s = (NEAR - a[2]) / (b[2] - a[2])
+                poly[m, 0] = a[0] + s * (b[0] - a[0])
+                poly[m, 1] = a[1] + s * (b[1] - a[1])
+                poly[m, 2] = NEAR
+                m += 1
+        if m < 3:
+            continue
+        # A polygon in front of the camera looks towards it when its plane has the camera inside.
+        e = poly[1] - poly[0]
+        g = poly[2] - poly[0]
+        nx = e[1] * g[2] - e[2] * g[1]
+        ny = e[2] * g[0] - e[0] * g[2]
+        nz = e[0] * g[1] - e[1] * g[0]
+        side = -1 if nx * poly[0, 0] + ny * poly[0, 1] + nz * poly[0, 2] > 0 else 1
+        for j in range(m):
+            a = poly[j]
+            b = poly[(j + 1) % m]
+            n = _emit(
+                n, side, link, a[0], a[1], a[2], b[0], b[1], b[2],
+                fc, model, k, valid_radius, segments, ends, weights, links,
+            )  # fmt: skip
+    return n
+
+
+@jit
+def _sides(planes: F32, first: int, last: int, cx: float, cy: float, cz: float, out: I8) -> None:
+    """+1 for faces that look at the point, -1 for the others.
+
+    Single precision is enough: whatever the signs, the edges between +1 and -1 form closed loops.
+    """
+    nx, ny, nz, d = planes[0], planes[1], planes[2], planes[3]
+    x, y, z = np.float32(cx), np.float32(cy), np.float32(cz)
+    for f in range(first, last):
+        out[f] = np.int8(1) if nx[f] * x + ny[f] * y + nz[f] * z > d[f] else np.int8(-1)
+
+
+@jit
+def _to_camera(T: F64, v: F64, out: F64) -> None:
+    for i in range(3):
+        out[i] = T[i, 0] * v[0] + T[i, 1] * v[1] + T[i, 2] * v[2] + T[i, 3]
+
+
+@jit
+def contour_segments(
+    Ts_cam_link: F64,
+    vertices: F64,
+    vertex_start: I32,
+    boxes: F64,
+    planes: F32,
+    faces: I32,
+    face_start: I32,
+    edges: U32,
+    edge_faces: U32,
+    edge_start: I32,
+    fc: F64,
+    model: int,
+    k: F64,
+    valid_radius: float,
+    points: F64,
+    stamps: I8,
+    sides: I8,
+    segments: F64,
+    ends: F64,
+    weights: I32,
+    links: I32,
+) -> int:
+    """Fill the segment arrays for all links; returns how many there are (or would be).
+
+    Args:
+        Ts_cam_link: ``(L, 4, 4)``.
+        vertices: ``(V, 3)`` of all links, each in its link's frame; ``vertex_start`` ``(L+1,)``.
+        boxes: ``(L, 6)`` lowest and highest corner of each link, link frame.
+        planes: ``(4, F)`` unit normals and offsets; ``faces`` ``(F, 3)`` global vertex indices.
+        edges: ``(E, 2)`` vertex indices; ``edge_faces`` ``(E, 2)``: the first walks
+            along the edge, the second against it; F stands for "no face".
+        points, stamps, sides: work arrays ``(V, 3)``, ``(V,)``, ``(F+1,)``.
+        segments: ``(C, 4)`` pixel ends; ``ends`` ``(C, 6)`` the same in the camera frame.
+    """
+    n = 0
+    n_faces = planes.shape[1]
+    sides[n_faces] = 0
+    for link in range(Ts_cam_link.shape[0]):
+        T = Ts_cam_link[link]
+        v0, v1 = vertex_start[link], vertex_start[link + 1]
+        middle, half = T[2, 3], 0.0
+        for i in range(3):
+            middle += T[2, i] * 0.5 * (boxes[link, i] + boxes[link, 3 + i])
+            half += abs(T[2, i]) * 0.5 * (boxes[link, 3 + i] - boxes[link, i])
+        if v0 == v1 or middle + half <= NEAR:
+            continue
+        if middle - half <= NEAR:
+            for v in range(v0, v1):
+                _to_camera(T, vertices[v], points[v])
+            n = _clipped_faces(
+                n, link, faces[face_start[link] : face_start[link + 1]], points,
+                fc, model, k, valid_radius, segments, ends, weights, links,
+            )  # fmt: skip
+            continue
+        cx = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
+        cy = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
+        cz = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
+        _sides(planes, face_start[link], face_start[link + 1], cx, cy, cz, sides)
+        # Scalars, not row views: each view would cost two atomic reference counts.
+        r00, r01, r02, tx = T[0, 0], T[0, 1], T[0, 2], T[0, 3]
+        r10, r11, r12, ty = T[1, 0], T[1, 1], T[1, 2], T[1, 3]
+        r20, r21, r22, tz = T[2, 0], T[2, 1], T[2, 2], T[2, 3]
+        for e in range(edge_start[link], edge_start[link + 1]):
+            w = sides[edge_faces[e, 0]] - sides[edge_faces[e, 1]]
+            if w == 0:
+                continue
+            for j in range(2):
+                v = edges[e, j]
+                if stamps[v] == 0:
+                    stamps[v] = 1
+                    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+                    points[v, 0] = r00 * x + r01 * y + r02 * z + tx
+                    points[v, 1] = r10 * x + r11 * y + r12 * z + ty
+                    points[v, 2] = r20 * x + r21 * y + r22 * z + tz
+            a, b = edges[e, 0], edges[e, 1]
+            n = _emit(
+                n, w, link, points[a, 0], points[a, 1], points[a, 2],
+                points[b, 0], points[b, 1], points[b, 2],
+                fc, model, k, valid_radius, segments, ends, weights, links,
+            )  # fmt: skip
+    return n

@@ -1,0 +1,281 @@
+"""From contour segments to coverage, its derivative, and samples of the outer contour (compiled).
+
+Coverage is integrated exactly along x and by ``LINES`` sample lines per pixel row along y. On every
+line the crossings are sorted and the number of layers is summed up, so a point counts once however
+many links lie over it (the paper's ``min(1, sum)`` adds them up first and clips afterwards, which
+overcounts every pixel in which two links share a boundary).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.render._jit import jit
+from easyhecpp.render._project import project_row
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+LINES = 4
+"""Sample lines per pixel row."""
+
+
+@jit
+def _line_range(y0: float, y1: float, n_lines: int) -> tuple[int, int]:
+    """First and one past the last sample line that a segment crosses (half-open, so that two
+    segments which meet on a line are counted once)."""
+    low = (min(y0, y1) + 0.5) * LINES - 0.5
+    high = (max(y0, y1) + 0.5) * LINES - 0.5
+    first = max(0, int(np.ceil(min(low, float(n_lines)))))
+    last = min(n_lines, int(np.ceil(max(high, 0.0))))
+    return first, last
+
+
+@jit
+def crossings(n: int, segments: F64, height: int) -> tuple[I32, F64, I32]:
+    """Crossings of all segments with the sample lines, sorted along each line.
+
+    Returns:
+        ``start`` ``(lines + 1,)``, and per crossing its ``x`` (pixels) and its owner: the number
+        of the segment plus one, negative when the segment runs upwards there.
+    """
+    n_lines = height * LINES
+    start = np.zeros(n_lines + 1, np.int32)
+    ranges = np.empty((n, 2), np.int32)
+    for s in range(n):
+        first, last = _line_range(segments[s, 1], segments[s, 3], n_lines)
+        ranges[s, 0], ranges[s, 1] = first, last
+        for line in range(first, last):
+            start[line + 1] += 1
+    for line in range(n_lines):
+        start[line + 1] += start[line]
+    total = start[n_lines]
+    fill = start[:-1].copy()
+    xs = np.empty(total)
+    owners = np.empty(total, np.int32)
+    for s in range(n):
+        first, last = ranges[s, 0], ranges[s, 1]
+        if first >= last:
+            continue
+        x0, y0, x1, y1 = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
+        slope = (x1 - x0) / (y1 - y0)
+        x = x0 + slope * ((first + 0.5) / LINES - 0.5 - y0)
+        slope /= LINES
+        owner = s + 1 if y1 > y0 else -s - 1
+        for line in range(first, last):
+            i = fill[line]
+            fill[line] = i + 1
+            begin = start[line]
+            while i > begin and xs[i - 1] > x:
+                xs[i] = xs[i - 1]
+                owners[i] = owners[i - 1]
+                i -= 1
+            xs[i] = x
+            owners[i] = owner
+            x += slope
+    return start, xs, owners
+
+
+@jit
+def _step(owner: int, weights: I32) -> int:
+    """Layers gained when the crossing is passed from left to right."""
+    return weights[owner - 1] if owner > 0 else -weights[-owner - 1]
+
+
+@jit
+def fill_coverage(start: I32, xs: F64, owners: I32, weights: I32, out: F32) -> None:
+    """Add the covered spans of every sample line to ``out`` ``(H, W)``, which must be zero."""
+    height, width = out.shape
+    unit = 1.0 / LINES
+    inner = np.empty(width + 1)
+    for row in range(height):
+        begin, end = start[row * LINES], start[(row + 1) * LINES]
+        if begin == end:
+            continue
+        low, high = width, 0
+        inner[:] = 0.0
+        for line in range(row * LINES, (row + 1) * LINES):
+            layers = 0
+            left = 0.0
+            for i in range(start[line], start[line + 1]):
+                before = layers
+                layers += _step(owners[i], weights)
+                if before <= 0 and layers > 0:
+                    left = xs[i]
+                elif before > 0 and layers <= 0:
+                    a = min(max(left + 0.5, 0.0), float(width))
+                    b = min(max(xs[i] + 0.5, 0.0), float(width))
+                    if b <= a:
+                        continue
+                    ia, ib = int(a), int(b)
+                    low, high = min(low, ia), max(high, min(ib + 1, width))
+                    if ia == ib:
+                        out[row, ia] += unit * (b - a)
+                        continue
+                    out[row, ia] += unit * (ia + 1 - a)
+                    if ib < width:
+                        out[row, ib] += unit * (b - ib)
+                    inner[ia + 1] += unit
+                    inner[ib] -= unit
+        run = 0.0
+        for x in range(low, high):
+            run += inner[x]
+            out[row, x] = min(1.0, out[row, x] + run)
+
+
+@jit
+def fill_jacobian(
+    start: I32,
+    xs: F64,
+    owners: I32,
+    segments: F64,
+    ends: F64,
+    weights: I32,
+    centre: F64,
+    fc: F64,
+    model: int,
+    k: F64,
+    valid_radius: float,
+    out: F64,
+) -> None:
+    """Add d(coverage)/d(delta) to ``out`` ``(H, W, 6)``: the ends of the spans that move."""
+    height, width = out.shape[0], out.shape[1]
+    p = np.empty(3)
+    normal = np.empty(2)
+    row3 = np.empty(3)
+    for line in range(height * LINES):
+        layers = 0
+        for i in range(start[line], start[line + 1]):
+            before = layers
+            layers += _step(owners[i], weights)
+            opens = before <= 0 and layers > 0
+            closes = before > 0 and layers <= 0
+            if not (opens or closes):
+                continue
+            column = int(np.floor(xs[i] + 0.5))
+            if column < 0 or column >= width:
+                continue
+            s = abs(owners[i]) - 1
+            y0, y1 = segments[s, 1], segments[s, 3]
+            t = ((line + 0.5) / LINES - 0.5 - y0) / (y1 - y0)
+            # Perspective: the image parameter t is not the parameter along the 3-D edge.
+            za, zb = ends[s, 2], ends[s, 5]
+            u = t * za / (t * za + (1.0 - t) * zb)
+            for j in range(3):
+                p[j] = ends[s, j] + u * (ends[s, 3 + j] - ends[s, j])
+            # On a fixed line, x moves by du - (dx/dy) dv.
+            normal[0] = 1.0
+            normal[1] = -(segments[s, 2] - segments[s, 0]) / (y1 - y0)
+            project_row(p, normal, fc, model, k, valid_radius, row3)
+            sign = -1.0 / LINES if opens else 1.0 / LINES
+            px, py, pz = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
+            target = out[line // LINES, column]
+            target[0] += sign * row3[0]
+            target[1] += sign * row3[1]
+            target[2] += sign * row3[2]
+            target[3] += sign * (py * row3[2] - pz * row3[1])
+            target[4] += sign * (pz * row3[0] - px * row3[2])
+            target[5] += sign * (px * row3[1] - py * row3[0])
+
+
+@jit
+def _bilinear(image: F32, x: float, y: float) -> float:
+    height, width = image.shape
+    x = min(max(x, 0.0), width - 1.0)
+    y = min(max(y, 0.0), height - 1.0)
+    ix, iy = min(int(x), width - 2), min(int(y), height - 2)
+    fx, fy = x - ix, y - iy
+    top = image[iy, ix] * (1.0 - fx) + image[iy, ix + 1] * fx
+    bottom = image[iy + 1, ix] * (1.0 - fx) + image[iy + 1, ix + 1] * fx
+    return top * (1.0 - fy) + bottom * fy
+
+
+@jit
+def sample_outer_contour(
+    n: int,
+    segments: F64,
+    ends: F64,
+    weights: I32,
+    links: I32,
+    coverage: F32,
+    centre: F64,
+    fc: F64,
+    model: int,
+    k: F64,
+    valid_radius: float,
+    spacing: float,
+    clearance: float,
+    points: F64,
+    normals: F64,
+    sample_links: I32,
+    jacobians: F64,
+    points_cam: F64,
+) -> int:
+    """Walk the contour segments and keep samples, ``spacing`` apart, with nothing just outside.
+
+    "Outside" is ``clearance`` pixels along the outward normal, where the coverage must be under
+    one half; samples within ``clearance`` of the image's edge are left out.
+
+    Returns:
+        The number of samples; like the segments it counts on beyond the capacity.
+    """
+    height, width = coverage.shape
+    count = 0
+    phase = 0.5 * spacing
+    p = np.empty(3)
+    normal = np.empty(2)
+    row3 = np.empty(3)
+    for s in range(n):
+        x0, y0, x1, y1 = segments[s, 0], segments[s, 1], segments[s, 2], segments[s, 3]
+        dx, dy = x1 - x0, y1 - y0
+        length = np.sqrt(dx * dx + dy * dy)
+        if length < 1e-9:
+            continue
+        if (
+            max(x0, x1) < 0.0
+            or max(y0, y1) < 0.0
+            or min(x0, x1) > width - 1.0
+            or min(y0, y1) > height - 1.0
+            or length > 1e6
+        ):
+            continue
+        at = phase
+        side = 1.0 if weights[s] > 0 else -1.0
+        nx, ny = -side * dy / length, side * dx / length
+        while at < length:
+            t = at / length
+            at += spacing
+            x, y = x0 + t * dx, y0 + t * dy
+            xo, yo = x + clearance * nx, y + clearance * ny
+            if (
+                min(x, xo) < clearance
+                or min(y, yo) < clearance
+                or max(x, xo) > width - 1.0 - clearance
+                or max(y, yo) > height - 1.0 - clearance
+            ):
+                continue
+            if _bilinear(coverage, xo, yo) > 0.5:
+                continue
+            if count < points.shape[0]:
+                za, zb = ends[s, 2], ends[s, 5]
+                u = t * za / (t * za + (1.0 - t) * zb)
+                for j in range(3):
+                    p[j] = ends[s, j] + u * (ends[s, 3 + j] - ends[s, j])
+                normal[0], normal[1] = nx, ny
+                project_row(p, normal, fc, model, k, valid_radius, row3)
+                points[count, 0], points[count, 1] = x, y
+                normals[count, 0], normals[count, 1] = nx, ny
+                sample_links[count] = links[s]
+                points_cam[count] = p
+                px, py, pz = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
+                jacobians[count, 0] = row3[0]
+                jacobians[count, 1] = row3[1]
+                jacobians[count, 2] = row3[2]
+                jacobians[count, 3] = py * row3[2] - pz * row3[1]
+                jacobians[count, 4] = pz * row3[0] - px * row3[2]
+                jacobians[count, 5] = px * row3[1] - py * row3[0]
+            count += 1
+        phase = at - length
+    return count
