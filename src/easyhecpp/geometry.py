@@ -172,10 +172,10 @@ def quat_wxyz_from_matrix(R: ArrayLike) -> Array:
 
 def matrix_from_quat_wxyz(q: ArrayLike) -> Array:
     """Turn quaternions ``(..., 4)``, wxyz, of any length but 0 into matrices ``(..., 3, 3)``."""
-    q = np.asarray(q, dtype=np.float64)
-    q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    V = hat(q[..., 1:])
-    return np.eye(3) + 2.0 * q[..., :1, None] * V + 2.0 * (V @ V)
+    any_length = np.asarray(q, dtype=np.float64)
+    unit = any_length / np.linalg.norm(any_length, axis=-1, keepdims=True)
+    V = hat(unit[..., 1:])
+    return np.eye(3) + 2.0 * unit[..., :1, None] * V + 2.0 * (V @ V)
 
 
 def rotation_angle(R: ArrayLike) -> Array:
