@@ -1,0 +1,178 @@
+"""A model of mask errors along the contour, fitted to the residuals themselves.
+
+Neighbouring contour points err together: a segmenter cuts a corner or swallows a shadow over tens
+of pixels. Counting every point as a new measurement gives error bars ten times too small. We take
+the errors of one view as a Gaussian process with covariance
+
+    C_ij = sum_k a_k exp(-|p_i - p_j| / l_k) (1 + n_i . n_j) / 2  +  delta_ij (nugget)
+
+over fixed lengths ``l_k``, with the variances ``a_k >= 0`` from the residuals' products. The factor
+with the normals makes the two sides of a thin link err independently. It is a product of two
+positive semi-definite kernels, so C always is a covariance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from easyhecpp.solve.evidence import Evidence
+
+F64 = NDArray[np.float64]
+
+LENGTHS_PX = (3.0, 8.0, 24.0, 80.0)
+"""Correlation lengths of the model; wide enough apart to be told from each other."""
+
+CELL_PX = 6.0
+"""Samples of one link, one direction and one square of this size are averaged to one point."""
+
+_LAG_EDGES_PX = np.array([1e-6, 3.0, 6.0, 9.0, 13.0, 19.0, 28.0, 42.0, 64.0, 100.0])
+
+
+@dataclass(frozen=True)
+class ContourPoints:
+    """Averaged contour samples of one view: about 400 points.
+
+    Attributes:
+        points: ``(N, 2)`` pixels; ``normals`` ``(N, 2)`` outward.
+        jacobians: ``(N, 6)``; ``residuals`` ``(N,)`` pixels.
+        weights: ``(N,)`` robust weight in (0, 1]; ``length_px`` ``(N,)`` contour averaged over.
+    """
+
+    points: F64
+    normals: F64
+    jacobians: F64
+    residuals: F64
+    weights: F64
+    length_px: F64
+
+    def __len__(self) -> int:
+        return len(self.residuals)
+
+
+def average_samples(evidence: Evidence, weights: F64) -> ContourPoints:
+    """Average the samples that lie together; outliers (weight zero) are left out.
+
+    Args:
+        evidence: Samples of one view.
+        weights: ``(N,)`` robust weights.
+    """
+    keep = weights > 0.05
+    p, n = evidence.points[keep], evidence.contour.normals[keep]
+    cell = np.floor(p / CELL_PX).astype(np.int64)
+    octant = np.floor((np.arctan2(n[:, 1], n[:, 0]) + np.pi) * (4.0 / np.pi)).astype(np.int64) % 8
+    link = evidence.contour.links[keep].astype(np.int64)
+    key = ((link * 8 + octant) << 40) + ((cell[:, 0] + 4096) << 20) + (cell[:, 1] + 4096)
+    _, group = np.unique(key, return_inverse=True)
+    w = weights[keep]
+    total = np.bincount(group, w)
+
+    def mean(values: F64) -> F64:
+        columns = values.reshape(len(w), -1).T
+        return np.stack([np.bincount(group, w * c) for c in columns], axis=-1) / total[:, None]
+
+    normals = mean(n)
+    norm = np.linalg.norm(normals, axis=1, keepdims=True)
+    return ContourPoints(
+        points=mean(p),
+        normals=normals / np.maximum(norm, 1e-9),
+        jacobians=mean(evidence.jacobians[keep]),
+        residuals=mean(evidence.residuals[keep])[:, 0],
+        weights=total / np.bincount(group),
+        length_px=np.bincount(group) * evidence.length,
+    )
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Fitted variances.
+
+    Attributes:
+        variances: ``(K,)`` px^2 for each of :data:`LENGTHS_PX`.
+        nugget: px^2 of a point that averages one cell's width of contour.
+        view_scale: ``(V,)`` standard deviation of each view's errors relative to all.
+    """
+
+    variances: F64
+    nugget: float
+    view_scale: F64
+
+    @property
+    def sigma_px(self) -> float:
+        """Standard deviation of the contour error at a point."""
+        return float(np.sqrt(self.variances.sum() + self.nugget))
+
+    def covariance(self, points: ContourPoints, view: int) -> F64:
+        """Covariance ``(N, N)`` of the residuals of a view, px^2."""
+        distance, facing = _pair_geometry(points)
+        C = np.zeros_like(distance)
+        for variance, length in zip(self.variances, LENGTHS_PX, strict=True):
+            if variance > 0.0:
+                C += variance * np.exp(-distance / length)
+        C *= facing
+        own = self.nugget * CELL_PX / np.maximum(points.length_px, 1e-3)
+        # A robust weight under one is a larger variance of that point alone.
+        own = own + self.sigma_px**2 * (1.0 / points.weights - 1.0)
+        C[np.diag_indices_from(C)] += own + 1e-6
+        return C * self.view_scale[view] ** 2
+
+
+def _pair_geometry(points: ContourPoints) -> tuple[F64, F64]:
+    """Distances ``(N, N)`` pixels, and (1 + n_i . n_j) / 2."""
+    p = points.points
+    square = np.sum(p * p, axis=1)
+    distance = np.sqrt(np.maximum(square[:, None] + square[None] - 2.0 * (p @ p.T), 0.0))
+    return distance, 0.5 * (1.0 + points.normals @ points.normals.T)
+
+
+def fit_noise(views: list[ContourPoints]) -> NoiseModel:
+    """Fit the variances to the products of residuals, over all views.
+
+    Args:
+        views: Points of each view at the best pose; a view may be empty.
+    """
+    scale = _view_scales(views)
+    products = np.zeros(len(_LAG_EDGES_PX) - 1)
+    kernels = np.zeros((len(_LAG_EDGES_PX) - 1, len(LENGTHS_PX)))
+    counts = np.zeros(len(_LAG_EDGES_PX) - 1)
+    power, n_points = 0.0, 0
+    for points, s in zip(views, scale, strict=True):
+        if len(points) < 2:
+            continue
+        r = points.residuals / s
+        distance, facing = _pair_geometry(points)
+        i, j = np.nonzero(np.triu((distance < _LAG_EDGES_PX[-1]) & (facing > 0.75), k=1))
+        d, f = distance[i, j], facing[i, j]
+        lag = np.clip(np.searchsorted(_LAG_EDGES_PX, d, side="right") - 1, 0, len(counts) - 1)
+        products += np.bincount(lag, r[i] * r[j], minlength=len(counts))
+        counts += np.bincount(lag, minlength=len(counts))
+        for k, length in enumerate(LENGTHS_PX):
+            kernels[:, k] += np.bincount(lag, f * np.exp(-d / length), minlength=len(counts))
+        power += float(r @ r)
+        n_points += len(r)
+    if n_points == 0:
+        return NoiseModel(np.zeros(len(LENGTHS_PX)), 1.0, scale)
+    used = counts > 0
+    # Short lags carry the shape, long lags the many pairs: weight by the root of the count.
+    weight = np.sqrt(np.sqrt(counts[used]))
+    variances, _ = nnls(
+        kernels[used] / counts[used, None] * weight[:, None],
+        products[used] / counts[used] * weight,
+    )
+    mean_power = power / n_points
+    variances *= min(1.0, 0.98 * mean_power / max(variances.sum(), 1e-12))
+    return NoiseModel(variances, max(mean_power - variances.sum(), 1e-4), scale)
+
+
+def _view_scales(views: list[ContourPoints]) -> F64:
+    """Standard deviation of each view relative to the pooled one, drawn towards 1."""
+    spread = np.array([float(np.sqrt(np.mean(v.residuals**2))) if len(v) else np.nan for v in views])
+    if not np.isfinite(spread).any():
+        return np.ones(len(views))
+    pooled = float(np.nanmedian(spread))
+    relative = np.where(np.isfinite(spread), spread / max(pooled, 1e-9), 1.0)
+    # About 20 independent stretches of contour in a view: a spread is known to some 15 %.
+    return np.clip(relative, 0.7, 6.0) ** 0.8
