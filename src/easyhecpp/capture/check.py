@@ -30,9 +30,10 @@ def check_capture(folder: str | Path) -> list[Problem]:
     findings = contents.findings
     statistics: list[FrameStatistics] = []
     for view in contents.views:
-        if view.has_image:
-            with findings.catching(views=(view.id,), drops="view"):
-                statistics.append(FrameStatistics.of(view.id, view.joints, view.image))
+        with findings.catching(views=(view.id,), drops="view"):
+            image = view.image
+            if image is not None:
+                statistics.append(FrameStatistics.of(view.id, view.joints, image))
     for finding in health_findings(statistics):
         findings.warn(finding.text, fix=finding.fix, views=finding.views)
     return findings.sorted()

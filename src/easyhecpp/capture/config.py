@@ -56,12 +56,6 @@ class CaptureConfig:
     masks: str = "masks"
     depth: str = "depth"
 
-    def robot_source(self, root: Path) -> str:
-        """The robot's file as an absolute path, or its `package://` address unchanged."""
-        if self.robot.startswith("package://"):
-            return self.robot
-        return str(root / Path(self.robot).expanduser())
-
     def package_paths(self, root: Path) -> tuple[Path, ...]:
         """The package folders as paths."""
         return tuple(root / Path(folder).expanduser() for folder in self.package_dirs)

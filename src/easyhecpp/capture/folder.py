@@ -118,8 +118,8 @@ def _read_camera(root: Path, config: CaptureConfig, findings: Findings) -> Camer
 def _read_robot(root: Path, config: CaptureConfig, findings: Findings) -> Robot | None:
     with findings.catching():
         robot = Robot.from_urdf(
-            _robot_path(root, config),
-            package_dirs=[root / Path(folder).expanduser() for folder in config.package_dirs],
+            robot_path(root, config),
+            package_dirs=config.package_paths(root),
             base_link=config.base_link,
             ignore_links=config.ignore_links,
         )
@@ -130,7 +130,12 @@ def _read_robot(root: Path, config: CaptureConfig, findings: Findings) -> Robot 
     return None
 
 
-def _robot_path(root: Path, config: CaptureConfig) -> Path:
+def robot_path(root: Path, config: CaptureConfig) -> Path:
+    """The file of a capture's robot.
+
+    Raises:
+        InputError: There is none.
+    """
     if not config.robot.startswith("package://"):
         path = root / Path(config.robot).expanduser()
         if not path.is_file():
@@ -141,8 +146,8 @@ def _robot_path(root: Path, config: CaptureConfig) -> Path:
                 fix=f"Put it there, or name it in {CONFIG_NAME}: 'robot: FILE'",
             )
         return path
-    folders = [root / Path(folder).expanduser() for folder in config.package_dirs]
-    found, tried = FileFinder(root / CONFIG_NAME, folders).find(config.robot)
+    finder = FileFinder(root / CONFIG_NAME, config.package_paths(root))
+    found, tried = finder.find(config.robot)
     if found is None:
         raise InputError(
             f"There is no robot description '{config.robot}'; looked for at "

@@ -133,7 +133,7 @@ def _decode(path: Path) -> NDArray[Any]:
     """The file's pixels ``(H, W, C)`` as stored, channels in OpenCV's order."""
     read_header(path)
     pixels = cv2.imdecode(np.frombuffer(read_file(path), np.uint8), cv2.IMREAD_UNCHANGED)
-    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+    if pixels is None or pixels.dtype.name not in ("uint8", "uint16"):
         raise broken_image(path)
     return pixels[..., None] if pixels.ndim == 2 else pixels
 

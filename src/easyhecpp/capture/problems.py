@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import TracebackType
 from typing import Literal
 
 from easyhecpp.errors import InputError
@@ -97,13 +97,9 @@ class Findings:
         """Record what was assumed or left out."""
         self.add(Problem("note", what, where, fix))
 
-    @contextmanager
-    def catching(self, *, views: tuple[str, ...] = (), drops: Part | None = None) -> Iterator[None]:
-        """Turn an `InputError` raised inside the block into a recorded error."""
-        try:
-            yield
-        except InputError as error:
-            self.add(Problem.from_error(error, views=views, drops=drops))
+    def catching(self, *, views: tuple[str, ...] = (), drops: Part | None = None) -> _Catching:
+        """A context that turns an `InputError` raised inside it into a recorded error."""
+        return _Catching(self, views, drops)
 
     @property
     def errors(self) -> list[Problem]:
@@ -119,6 +115,27 @@ class Findings:
         """All findings, errors first, otherwise in the order they were found."""
         rank = {"error": 0, "warning": 1, "note": 2}
         return sorted(self._problems, key=lambda problem: rank[problem.severity])
+
+
+class _Catching:
+    def __init__(self, findings: Findings, views: tuple[str, ...], drops: Part | None) -> None:
+        self._findings = findings
+        self._views = views
+        self._drops: Part | None = drops
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if not isinstance(error, InputError):
+            return False
+        self._findings.add(Problem.from_error(error, views=self._views, drops=self._drops))
+        return True
 
 
 def joined_error(problems: Sequence[Problem], folder: Path) -> InputError:
