@@ -169,7 +169,9 @@ def fit_noise(views: list[ContourPoints]) -> NoiseModel:
 
 def _view_scales(views: list[ContourPoints]) -> F64:
     """Standard deviation of each view relative to the pooled one, drawn towards 1."""
-    spread = np.array([float(np.sqrt(np.mean(v.residuals**2))) if len(v) else np.nan for v in views])
+    spread = np.array(
+        [float(np.sqrt(np.mean(v.residuals**2))) if len(v) else np.nan for v in views]
+    )
     if not np.isfinite(spread).any():
         return np.ones(len(views))
     pooled = float(np.nanmedian(spread))

@@ -64,6 +64,7 @@ class MaskPyramid:
     def __init__(self, mask: NDArray[np.generic], ignore: NDArray[np.bool_] | None) -> None:
         self.full: F32 = np.ascontiguousarray(mask, dtype=np.float32)
         self.distance = signed_distance(self.full)
+        self.is_hard = mask.dtype == np.bool_
         self.ignore = None if ignore is None or not ignore.any() else ignore
         self._levels: dict[int, tuple[F32, F32 | None]] = {}
 
@@ -135,8 +136,12 @@ def gather(
     mask, usable = view.level(reduction)
     contour, coverage = renderer.contour(Ts_cam_link, centre_cam, spacing=spacing)
     rows, columns = _window(contour, coverage, int(np.ceil(4 * smoothing_px)) + 2)
-    difference = mask[rows, columns] - coverage[rows, columns]
     rendered = coverage[rows, columns]
+    if view.is_hard and reduction == 1:
+        # Cut the rendered mask as the observed one was cut: then what a threshold does to an edge
+        # is in both and cancels, instead of being noise of a tenth of a pixel.
+        rendered = (rendered > 0.5).astype(np.float32)
+    difference = mask[rows, columns] - rendered
     observed_area = float(mask.sum())
     beyond = observed_area - float(mask[rows, columns].sum())
     if usable is not None:

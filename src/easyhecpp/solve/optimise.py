@@ -209,13 +209,9 @@ def _generalised_least_squares(
             break
         T = T_next
         # The variances belong to the residuals at the pose that they are used for.
-        noise = fit_noise(
-            [_shifted(p, solution) for p in points]
-        )
+        noise = fit_noise([_shifted(p, solution) for p in points])
     covariance = COVARIANCE_INFLATION * np.linalg.inv(N)[:6, :6]
-    return _Solution(
-        T, centre, covariance, information, float(solution[6]), noise, seen, weights
-    )
+    return _Solution(T, centre, covariance, information, float(solution[6]), noise, seen, weights)
 
 
 def _shifted(points: ContourPoints, solution: F64) -> ContourPoints:
@@ -266,8 +262,13 @@ def _estimate(
         )
         contours.append(
             ContourFit(
-                points=e.points, normals=e.contour.normals, residuals=e.residuals,
-                distances=e.distances, weights=w, jacobians=e.jacobians, links=e.contour.links,
+                points=e.points,
+                normals=e.contour.normals,
+                residuals=e.residuals,
+                distances=e.distances,
+                weights=w,
+                jacobians=e.jacobians,
+                links=e.contour.links,
             )  # fmt: skip
         )
     return PoseEstimate(
