@@ -68,7 +68,7 @@ class ResultFile(Block):
     A ``failed`` result may lack the pose (both transforms None); any other has one.
     """
 
-    schema_version: Literal[1] = Field(SCHEMA, alias="schema")
+    schema_version: Literal[1] = Field(default=SCHEMA, alias="schema")
     package: Package = Package()
     command: str | None = None
     setup: Setup
