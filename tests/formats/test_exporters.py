@@ -105,6 +105,16 @@ def test_every_target_has_a_round_trip() -> None:
     assert {consumer.target for consumer in CONSUMERS} | {"camera-info"} == set(TARGETS)
 
 
+def test_documentation_lists_every_target_with_its_file() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "exporting.md").read_text()
+    for name, exporter in TARGETS.items():
+        assert f"| `{name}` | `{exporter.suffix}`" in page
+    takes_link = page.split("Targets that take a camera link:")[1].split(". The others")[0]
+    assert [name for name in TARGETS if f"`{name}`" in takes_link] == [
+        name for name, exporter in TARGETS.items() if exporter.takes_link
+    ]
+
+
 AWKWARD = 'cam\'1 "<&>" $HOME é/link'
 
 

@@ -149,7 +149,7 @@ def _pose(result: ResultFile, camera_name: str | None, allow_failed: bool) -> Ex
     if result.verdict == "failed" and not allow_failed:
         raise InputError(
             "The calibration's verdict is failed; its pose is not to be used",
-            fix="See the reasons in the result. To export it all the same, allow failed results",
+            fix="See its reasons; allow_failed (--allow-failed) exports it all the same",
         )
     return ExportPose(
         T_parent_child=result.T_mount_cam.array,
