@@ -4,6 +4,11 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples every time, and no limit on the time that one takes: a busy machine is no bug.
+settings.register_profile("repository", derandomize=True, deadline=None)
+settings.load_profile("repository")
 
 _BESIDE_THE_REPOSITORY = Path(__file__).resolve().parents[2] / "shared"
 
