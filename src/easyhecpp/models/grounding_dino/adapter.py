@@ -1,0 +1,112 @@
+"""Grounding DINO, sizes tiny and base, through ``transformers.GroundingDinoForObjectDetection``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.models.loading import load, load_tokenizer
+from easyhecpp.models.pixels import Preprocessing
+from easyhecpp.models.runtime import Runtime, inference
+from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
+from easyhecpp.segment.protocols import ScoredBoxes
+
+GROUNDING_DINO = WeightsSpec(
+    "Grounding DINO", "IDEA-Research/grounding-dino-base", ("grounding-dino",)
+)
+
+_PREPROCESSING = Preprocessing("shortest", size=800, longest=1333)
+
+
+class GroundingDino:
+    """Grounding DINO as a ``TextDetector``.
+
+    Args:
+        weights: folder or name on the hub; None for the base model.
+        runtime: device and precision.
+        threshold: score below which a box is dropped. Low, because the kinematics choose among
+            what is left.
+        at_most: how many boxes of an image are kept, best first.
+        duplicate_iou: of two boxes that overlap more than this, the better one is kept.
+
+    Raises:
+        InputError: see ``loading.load``.
+        MissingExtraError: torch or transformers is not installed.
+    """
+
+    def __init__(
+        self,
+        weights: str | Path | None = None,
+        runtime: Runtime | None = None,
+        threshold: float = 0.25,
+        at_most: int = 6,
+        duplicate_iou: float = 0.8,
+    ) -> None:
+        self.runtime = runtime or Runtime()
+        self.threshold, self.at_most, self.duplicate_iou = threshold, at_most, duplicate_iou
+        # The custom kernels are fetched from the hub at run time, which an offline cell cannot do.
+        loaded = load(
+            "GroundingDinoForObjectDetection",
+            GROUNDING_DINO,
+            weights,
+            self.runtime,
+            disable_custom_kernels=True,
+        )
+        self.model, self.device = loaded.model, loaded.device
+        self.tokenizer = load_tokenizer(GROUNDING_DINO, loaded.folder)
+        self.preprocessing = _PREPROCESSING.with_settings(preprocessor_settings(loaded.folder))
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return GROUNDING_DINO.model
+
+    def detect(self, image: NDArray[np.uint8], text: str) -> ScoredBoxes:
+        """Boxes of ``text``, best first."""
+        pixels, _ = self.preprocessing.tensor(image)
+        tokens = self.tokenizer(as_caption(text), return_tensors="pt").to(self.device)
+        with inference(self.name), self.runtime.encoding(self.device):
+            output = self.model(pixel_values=pixels.to(self.device), **tokens)
+        # A query's score is that of the text token that it fits best.
+        scores = output.logits[0].float().sigmoid().amax(dim=-1).double().cpu().numpy()
+        boxes = to_pixels(output.pred_boxes[0].double().cpu().numpy(), image.shape[:2])
+        keep = np.flatnonzero(scores > self.threshold)
+        keep = keep[np.argsort(-scores[keep], kind="stable")]
+        keep = keep[without_duplicates(boxes[keep], self.duplicate_iou)][: self.at_most]
+        return ScoredBoxes(boxes[keep], scores[keep])
+
+
+def as_caption(text: str) -> str:
+    """The form in which the model was taught its labels: lower case, ended by a full stop."""
+    caption = text.strip().lower()
+    return caption if caption.endswith(".") else f"{caption}."
+
+
+def to_pixels(boxes: NDArray[np.float64], image_size: tuple[int, int]) -> NDArray[np.float64]:
+    """Relative boxes (N, 4) ``cx cy w h``, measured from the image's edge, to ``x0 y0 x1 y1``.
+
+    The result counts pixel centres and names the outermost pixels inside; it is clipped to the
+    image.
+    """
+    height, width = image_size
+    centre, half = boxes[:, :2], boxes[:, 2:] / 2
+    size = np.array([width, height])
+    low = np.clip((centre - half) * size, 0, size - 1)
+    high = np.clip((centre + half) * size - 1, low, size - 1)
+    return np.concatenate([low, high], axis=1)
+
+
+def without_duplicates(boxes: NDArray[np.float64], max_iou: float) -> NDArray[np.intp]:
+    """Indices of boxes (N, 4), best first, that overlap no better one by more than ``max_iou``."""
+    kept: list[int] = []
+    areas = np.prod(boxes[:, 2:] - boxes[:, :2] + 1, axis=1)
+    for i, box in enumerate(boxes):
+        others = boxes[kept]
+        low = np.maximum(box[:2], others[:, :2])
+        high = np.minimum(box[2:], others[:, 2:])
+        shared = np.prod(np.clip(high - low + 1, 0, None), axis=1)
+        if not np.any(shared > max_iou * (areas[i] + areas[kept] - shared)):
+            kept.append(i)
+    return np.array(kept, dtype=np.intp)

@@ -1,0 +1,74 @@
+"""Where two views of a still camera differ: the arm moved away, or moved in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp._parallel import parallel_map
+from easyhecpp.segment.classical.pictures import Pictures
+
+F32 = NDArray[np.float32]
+
+BLUR_PX = 0.8
+NEIGHBOURHOOD_PX = 7
+"""Reach of the local maximum; a little more than the blur spreads an edge."""
+
+NOISE_FACTOR = 3.0
+"""Differences of this many standard deviations are as likely a change as not."""
+
+
+@dataclass(frozen=True)
+class ChangeMaps:
+    """Evidence for change between pairs of views.
+
+    Attributes:
+        pairs: ``(P, 2)`` view indices, first < second.
+        maps: ``(P, H, W)`` float32 in [-1, 1]: positive where the views differ.
+        index: ``(V, V)`` index of a pair, -1 on the diagonal.
+        reduction: Size reduction against the camera.
+    """
+
+    pairs: NDArray[np.int32]
+    maps: F32
+    index: NDArray[np.int32]
+    reduction: int
+
+    @property
+    def n_views(self) -> int:
+        """Number of views."""
+        return len(self.index)
+
+
+def change_maps(pictures: Pictures) -> ChangeMaps:
+    """Compare all pairs of views.
+
+    The difference of blurred pictures is held against half of its own maximum nearby: an edge then
+    is where the difference crosses half of its height, however strong it is. A threshold from the
+    noise alone would count the blur's tails and make everything too large.
+    """
+    n = len(pictures)
+    blurred = np.stack(parallel_map(lambda i: cv2.GaussianBlur(i, (0, 0), BLUR_PX), pictures.lab))
+    i, j = np.triu_indices(n, k=1)
+    pairs = np.column_stack([i, j]).astype(np.int32)
+    floor = NOISE_FACTOR * pictures.noise * np.sqrt(2.0)
+
+    def one(pair: NDArray[np.int32]) -> F32:
+        return _evidence(blurred[pair[0]], blurred[pair[1]], floor)
+
+    index = np.full((n, n), -1, np.int32)
+    index[i, j] = index[j, i] = np.arange(len(pairs))
+    return ChangeMaps(pairs, np.stack(parallel_map(one, pairs)), index, pictures.reduction)
+
+
+def _evidence(a: F32, b: F32, floor: float) -> F32:
+    difference = a - b
+    size = np.sqrt(np.einsum("hwc,hwc->hw", difference, difference))
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX))
+    highest = cv2.GaussianBlur(cv2.dilate(size, kernel), (0, 0), 1.5)
+    middle = np.maximum(0.5 * highest, floor)
+    ratio = np.square(size / middle)
+    return ((ratio - 1.0) / (ratio + 1.0)).astype(np.float32)

@@ -1,0 +1,246 @@
+"""Where a camera could stand: seeds all round the arm, each laid over the change maps by FFT."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft2, next_fast_len, rfft2
+
+from easyhecpp._parallel import parallel_map, usable_cores
+from easyhecpp.camera import Camera
+from easyhecpp.geometry import exp_so3, inverse, look_at, make_transform
+from easyhecpp.render import SilhouetteRenderer
+from easyhecpp.render._jit import jit
+from easyhecpp.segment.classical.change import ChangeMaps
+from easyhecpp.segment.classical.scene import COARSE_ERROR, Scene
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+SEARCH_WIDTH = 80
+"""Width of the images that the seeds are compared in, pixels."""
+
+
+@dataclass(frozen=True)
+class SeedGrid:
+    """Camera positions round the middle of the arm.
+
+    Attributes:
+        elevations_deg: Above the horizontal; negative ones look up from below.
+        azimuth_step_deg: At the horizon; wider higher up, so that seeds lie equally dense.
+        distances: In units of the distance from which the arm just fills the image.
+        rolls_deg: Turns of the camera about its own axis; 0 is upright.
+    """
+
+    elevations_deg: tuple[float, ...] = (-30.0, -15.0, 0.0, 15.0, 30.0, 45.0, 60.0)
+    azimuth_step_deg: float = 15.0
+    distances: tuple[float, ...] = (0.55, 0.75, 1.0, 1.35, 1.8, 2.5)
+    rolls_deg: tuple[float, ...] = (0.0,)
+
+    def poses(self, scene: Scene) -> F64:
+        """All seeds, ``(S, 4, 4)`` T_mount_cam."""
+        camera = scene.camera
+        half = min(0.5 * camera.width / camera.fx, 0.5 * camera.height / camera.fy)
+        fill = scene.radius * np.sqrt(1.0 + half**2) / half
+        poses = []
+        for elevation in np.deg2rad(self.elevations_deg):
+            count = max(4, round(360.0 / self.azimuth_step_deg * np.cos(elevation)))
+            for azimuth in np.arange(count) * (2.0 * np.pi / count):
+                direction = np.array(
+                    [
+                        np.cos(elevation) * np.cos(azimuth),
+                        np.cos(elevation) * np.sin(azimuth),
+                        np.sin(elevation),
+                    ]
+                )
+                for distance in self.distances:
+                    eye = scene.centre_mount + distance * fill * direction
+                    T = look_at(eye, scene.centre_mount)
+                    for roll in np.deg2rad(self.rolls_deg):
+                        R = exp_so3(np.array([0.0, 0.0, roll]))
+                        poses.append(T @ make_transform(R, np.zeros(3)))
+        return np.stack(poses)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A camera pose with its score.
+
+    Attributes:
+        T_mount_cam: ``(4, 4)``.
+        score: Share of the change that the arm's motion explains, at most 1.
+    """
+
+    T_mount_cam: F64
+    score: float
+
+
+def search(
+    scene: Scene, changes: ChangeMaps, seeds: F64, *, max_pairs: int, keep: int
+) -> list[Scored]:
+    """Lay every seed's rendered change over the observed one, all shifts at once.
+
+    Args:
+        scene: The arm.
+        changes: Change between pairs of views.
+        seeds: ``(S, 4, 4)`` T_mount_cam.
+        max_pairs: Pairs of views to look at.
+        keep: How many of the best to return.
+
+    Returns:
+        The best, each turned to where it fits best; best first.
+    """
+    lay = _Overlay(scene, changes, max_pairs)
+    parts = np.array_split(seeds, 4 * usable_cores())
+    found = parallel_map(lambda part: [lay(T) for T in part], parts)
+    ranked = sorted((s for part in found for s in part), key=lambda s: -s.score)
+    return ranked[:keep]
+
+
+class _Overlay:
+    """Compares one seed with the change maps; holds what all seeds share."""
+
+    def __init__(self, scene: Scene, changes: ChangeMaps, max_pairs: int) -> None:
+        height, width = changes.maps.shape[1:]
+        shrink = max(1, round(width / SEARCH_WIDTH))
+        size = (max(1, round(width / shrink)), max(1, round(height / shrink)))
+        small = np.stack(
+            [cv2.resize(m, size, interpolation=cv2.INTER_AREA) for m in changes.maps]
+        ).astype(np.float32)
+        chosen = informative_pairs(small, changes.pairs, max_pairs)
+        self.pairs = np.ascontiguousarray(changes.pairs[chosen])
+        maps = small[chosen]
+        self.scale = 1.0 / max(float(np.maximum(maps, 0.0).sum()), 1.0)
+        self.camera = scene.camera.scaled(size[0] / scene.camera.width)
+        canvas_w, canvas_h = next_fast_len(2 * size[0], True), next_fast_len(2 * size[1], True)
+        left, top = (canvas_w - size[0]) // 2, (canvas_h - size[1]) // 2
+        padded = np.zeros((len(maps), canvas_h, canvas_w), np.float32)
+        padded[:, top : top + size[1], left : left + size[0]] = maps
+        self.spectra = np.conj(rfft2(padded))
+        self.shape = (canvas_h, canvas_w)
+        self.reach = (size[1] // 2, size[0] // 2)
+        self.scene = scene
+        self.renderer = SilhouetteRenderer(
+            scene.rig.robot.simplified(COARSE_ERROR).meshes,
+            _moved(self.camera, canvas_w, canvas_h, left, top),
+        )
+
+    def __call__(self, T_mount_cam: F64) -> Scored:
+        T_cam_mount = inverse(T_mount_cam)
+        covers = np.zeros((len(self.scene), *self.shape), np.float32)
+        for view, Ts in enumerate(self.scene.Ts_mount_link):
+            self.renderer.coverage(T_cam_mount @ Ts, covers[view])
+        spectrum = np.zeros(self.spectra.shape[1:], np.complex64)
+        a, b = covers[self.pairs[:, 0]], covers[self.pairs[:, 1]]
+        rendered = rfft2(a + b - 2.0 * a * b)
+        spectrum = np.einsum("phw,phw->hw", rendered, self.spectra)
+        # Correlation: the value at shift s is the score of the rendering moved by -s.
+        scores = irfft2(spectrum, s=self.shape)
+        ry, rx = self.reach
+        near = np.roll(scores, (ry, rx), axis=(0, 1))[: 2 * ry + 1, : 2 * rx + 1]
+        dy, dx = np.unravel_index(int(np.argmax(near)), near.shape)
+        shift = np.array([rx - float(dx), ry - float(dy)])
+        return Scored(
+            inverse(self._turned(T_cam_mount, shift)), float(near[dy, dx]) * self.scale
+        )
+
+    def _turned(self, T_cam_mount: F64, shift_px: F64) -> F64:
+        """The arm's image moved by ``shift_px``, by turning the camera."""
+        centre = self.scene.centre_cam(T_cam_mount)
+        before = centre / np.linalg.norm(centre)
+        pixel = self.camera.project(centre) + shift_px
+        after = self.camera.unproject(pixel)
+        after = after / np.linalg.norm(after)
+        axis = np.cross(before, after)
+        sine = float(np.linalg.norm(axis))
+        if sine < 1e-9:
+            return T_cam_mount
+        R = exp_so3(axis / sine * np.arctan2(sine, float(before @ after)))
+        return make_transform(R, np.zeros(3)) @ T_cam_mount
+
+
+def _moved(camera: Camera, width: int, height: int, left: int, top: int) -> Camera:
+    return Camera(
+        width, height, camera.fx, camera.fy, camera.cx + left, camera.cy + top,
+        camera.distortion_model, camera.distortion, camera.frame,
+    )  # fmt: skip
+
+
+def informative_pairs(maps: F32, pairs: I32, count: int) -> NDArray[np.intp]:
+    """Pairs with much change, every view about equally often; indices into ``pairs``."""
+    gain = np.maximum(maps, 0.0).sum(axis=(1, 2)).astype(np.float64)
+    used = np.zeros(int(pairs.max()) + 1)
+    chosen: list[int] = []
+    while len(chosen) < min(count, len(pairs)):
+        value = gain / (1.0 + used[pairs].sum(axis=1))
+        value[chosen] = -1.0
+        best = int(np.argmax(value))
+        chosen.append(best)
+        used[pairs[best]] += 1.0
+    return np.array(chosen, np.intp)
+
+
+@jit
+def _explained(covers: F32, maps: F32, pairs: I32) -> tuple[float, float]:
+    """Sum over pairs and pixels of evidence times rendered change, and of positive evidence."""
+    total = 0.0
+    available = 0.0
+    for p in range(pairs.shape[0]):
+        i, j = pairs[p, 0], pairs[p, 1]
+        for y in range(covers.shape[1]):
+            row = np.float32(0.0)
+            most = np.float32(0.0)
+            for x in range(covers.shape[2]):
+                a, b = covers[i, y, x], covers[j, y, x]
+                g = maps[p, y, x]
+                row += (a + b - np.float32(2.0) * a * b) * g
+                most += max(g, np.float32(0.0))
+            total += row
+            available += most
+    return total, available
+
+
+class PairScore:
+    """Scores poses by all pairs of views at one size."""
+
+    def __init__(self, scene: Scene, changes: ChangeMaps, reduction: int) -> None:
+        self.scene = scene
+        self.reduction = reduction
+        camera = scene.renderer(reduction, coarse=True).camera
+        self.pairs = changes.pairs
+        self.maps = np.stack(
+            parallel_map(
+                lambda m: cv2.resize(
+                    m, (camera.width, camera.height), interpolation=cv2.INTER_AREA
+                ),
+                changes.maps,
+            )
+        ).astype(np.float32)
+
+    def __call__(self, T_mount_cam: F64) -> float:
+        """Share of the change that the arm's motion explains, at most 1."""
+        covers = self.scene.coverages(inverse(T_mount_cam), self.reduction, coarse=True)
+        total, available = _explained(covers, self.maps, self.pairs)
+        return total / max(available, 1.0)
+
+
+def distinct(found: Sequence[Scored], count: int, *, metres: float, radians: float) -> list[Scored]:
+    """The best of each group of poses that lie together; best first."""
+    kept: list[Scored] = []
+    for candidate in sorted(found, key=lambda s: -s.score):
+        R, t = candidate.T_mount_cam[:3, :3], candidate.T_mount_cam[:3, 3]
+        for other in kept:
+            angle = np.arccos(np.clip((np.trace(R.T @ other.T_mount_cam[:3, :3]) - 1) / 2, -1, 1))
+            near = np.linalg.norm(t - other.T_mount_cam[:3, 3]) < metres
+            if angle < radians and near:
+                break
+        else:
+            kept.append(candidate)
+            if len(kept) == count:
+                break
+    return kept
