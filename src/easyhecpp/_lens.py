@@ -35,6 +35,9 @@ Array = NDArray[np.float64]
 # on one circle.
 _MIN_SLOPE = 0.1
 
+# Radii below this are on the axis; it only keeps divisions finite.
+_TINY = 1e-12
+
 _NEWTON_STEPS = 40
 # In units of the distorted coordinates; a pixel is about 1e-3.
 _NEWTON_TOLERANCE = 1e-13
@@ -67,9 +70,9 @@ class Lens:
         """Differentiate `distort` at ``(..., 2)``, giving ``(..., 2, 2)``."""
         r, s = self._radius_and_share(p)
         ratio, slope = self._radial(r)
-        u = p / np.maximum(r, 1e-300)[..., None]
+        u = p / np.maximum(r, _TINY)[..., None]
         h = s * (2.0 - s)
-        dh = -2.0 * s * (1.0 - s) / np.maximum(r, 1e-300)
+        dh = -2.0 * s * (1.0 - s) / np.maximum(r, _TINY)
         along = (slope - ratio)[..., None] * u + dh[..., None] * self._tangential(p)
         J = along[..., :, None] * u[..., None, :] + h[..., None, None] * self._tangential_slope(p)
         J[..., 0, 0] += ratio
@@ -81,7 +84,7 @@ class Lens:
         radius_d = np.linalg.norm(d, axis=-1)
         angles, table = self._inverse_table
         guess = np.tan(np.interp(radius_d, table, angles))
-        p = d * (guess / np.maximum(radius_d, 1e-300))[..., None]
+        p = d * (guess / np.maximum(radius_d, _TINY))[..., None]
         tolerance = _NEWTON_TOLERANCE * (1.0 + radius_d)
         # Beyond the rim of a fisheye the iterates run away; they end as NaN below.
         with np.errstate(all="ignore"):
@@ -96,16 +99,16 @@ class Lens:
         return np.where(reached[..., None], p, np.nan)
 
     def _radius_and_share(self, p: Array) -> tuple[Array, Array]:
-        """Return the radius, and min(1, valid radius / radius)."""
+        """Return r, and s = rv / r where r is beyond rv, 1 elsewhere."""
         r = np.linalg.norm(p, axis=-1)
-        return r, np.minimum(r, self.valid_radius) / np.where(r > 0.0, r, 1.0) + (r == 0.0)
+        return r, np.minimum(1.0, self.valid_radius / np.maximum(r, _TINY))
 
     def _radial(self, r: Array) -> tuple[Array, Array]:
         """Return G(r) / r and G'(r)."""
         inside = np.minimum(r, self.valid_radius)
         g, slope = self._model(inside)
         reached = g + slope * (r - inside)
-        return np.where(r < 1e-9, 1.0, reached / np.maximum(r, 1e-9)), slope
+        return np.where(r < _TINY, 1.0, reached / np.maximum(r, _TINY)), slope
 
     def _model(self, r: Array) -> tuple[Array, Array]:
         """Return g(r) and g'(r) of the bare model."""
