@@ -26,12 +26,19 @@ class PoseProblem:
         rig: Robot and set-up.
         camera: Intrinsics of the masks.
         observations: At least one view.
+        masks: The observations' masks, when another problem has prepared them already.
 
     Raises:
         InputError: No view, or a mask whose size is not the camera's.
     """
 
-    def __init__(self, rig: Rig, camera: Camera, observations: Sequence[Observation]) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        camera: Camera,
+        observations: Sequence[Observation],
+        masks: Sequence[MaskPyramid] | None = None,
+    ) -> None:
         if not observations:
             raise InputError(
                 "There is no view to solve for", expected="at least one view with a mask"
@@ -49,7 +56,11 @@ class PoseProblem:
         self.observations = tuple(observations)
         self.weights = np.array([o.weight for o in observations])
         self.Ts_mount_link = rig.Ts_mount_link(np.stack([o.joints for o in observations]))
-        self.masks = parallel_map(lambda o: MaskPyramid(o.mask, o.ignore), observations)
+        self.masks = (
+            list(masks)
+            if masks is not None
+            else parallel_map(lambda o: MaskPyramid(o.mask, o.ignore), observations)
+        )
         self.centre_mount = self._centre()
         self._renderers = {1: SilhouetteRenderer(rig.robot.meshes, camera)}
 

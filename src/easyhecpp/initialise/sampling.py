@@ -1,0 +1,257 @@
+"""The first pose by rendering the arm from sampled viewpoints (paper, section III-C.1).
+
+The paper takes the best mask IoU on a fixed grid at one metre. Here the distance need not be known
+and the arm need be neither centred nor wholly in view: every seed is turned and moved along its
+line of sight until position and size of the rendered masks agree with the observed ones, and only
+then scored; the best are refined on small images, and the best of these on larger ones.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp._parallel import parallel_map, usable_cores
+from easyhecpp.camera import Camera
+from easyhecpp.errors import InputError
+from easyhecpp.geometry import inverse, pose_error, rotation_angle
+from easyhecpp.initialise._overlap import overlap
+from easyhecpp.initialise.seeds import default_seeds, paper_seeds
+from easyhecpp.render import SilhouetteRenderer
+from easyhecpp.rig import Rig
+from easyhecpp.solve import Observation
+from easyhecpp.solve.descend import Level, descend
+from easyhecpp.solve.problem import PoseProblem
+
+F64 = NDArray[np.float64]
+
+SEED_WIDTH_PX = 160
+"""Image width, about, at which seeds are scored."""
+
+_SEED_VIEWS, _SHORTLIST_VIEWS = 3, 8
+_SHORTLIST, _REFINED, _FINALISTS = 64, 14, 4
+_SAME_BASIN_DEG, _SAME_BASIN_RATIO = 6.0, 0.08
+
+
+@dataclass(frozen=True)
+class SamplingConfig:
+    """Settings of the first pose.
+
+    Attributes:
+        grid: ``sphere`` (all around, any distance) or ``paper`` (the paper's 96 poses at 1 m,
+            best mean IoU, then refined).
+    """
+
+    grid: Literal["sphere", "paper"] = "sphere"
+
+
+@dataclass(frozen=True)
+class InitialPose:
+    """The first pose.
+
+    Attributes:
+        T_mount_cam: ``(4, 4)`` camera in the mount.
+        score: Mean IoU of rendered and observed masks, in [0, 1].
+        candidates: All refined poses, one per basin, best first, with their scores.
+        margin: Score of the best basin minus that of the second; 1 when there is no other.
+        timings_s: Seconds per stage.
+    """
+
+    T_mount_cam: F64
+    score: float
+    candidates: tuple[tuple[F64, float], ...]
+    margin: float
+    timings_s: dict[str, float] = field(default_factory=dict)
+
+
+def sample_initial_pose(
+    rig: Rig,
+    camera: Camera,
+    observations: Sequence[Observation],
+    config: SamplingConfig | None = None,
+    rng: np.random.Generator | None = None,
+) -> InitialPose:
+    """Find the camera with no initial guess.
+
+    Args:
+        rig: Robot and set-up.
+        camera: Intrinsics.
+        observations: Views with masks.
+        config: Settings.
+        rng: Shifts the grid of seeds by a random azimuth; without it the grid stays.
+
+    Raises:
+        InputError: No view shows the arm.
+    """
+    config = config or SamplingConfig()
+    clock = time.perf_counter()
+    usable = [o for o in observations if o.mask.any()]
+    if not usable:
+        raise InputError(
+            "The arm cannot be seen in any view",
+            expected="masks with at least some pixels of the arm",
+            fix="check the masks, or the images they were made from",
+        )
+    coarse_rig = Rig(rig.robot.simplified(0.006 * rig.robot.reach), rig.setup, rig.ee_link)
+    problem = PoseProblem(coarse_rig, camera, usable)
+    timings = {"prepare": time.perf_counter() - clock}
+    clock = time.perf_counter()
+    seeds = _seeds(rig, problem, config, rng)
+    if config.grid == "paper":
+        scored = _score_all(_SeedScorer(problem, len(problem)), list(seeds), rounds=0)
+        shortlist = scored[:1]
+    else:
+        first = _score_all(_SeedScorer(problem, _SEED_VIEWS), list(seeds), rounds=3)
+        again = [T for T, _ in first[:_SHORTLIST]]
+        shortlist = _score_all(_SeedScorer(problem, _SHORTLIST_VIEWS), again, rounds=2)
+    timings["seeds"] = time.perf_counter() - clock
+    clock = time.perf_counter()
+    reduction = _seed_reduction(camera)
+    refined = _refine(problem, shortlist[:_REFINED], reduction, 40.0)
+    refined = _refine(problem, refined[:_REFINED], reduction, 12.0)
+    finalists = _refine(problem, refined[:_FINALISTS], max(1, reduction // 2), 6.0)
+    basins = _distinct(finalists + refined[_FINALISTS:])
+    timings["refine"] = time.perf_counter() - clock
+    return InitialPose(
+        T_mount_cam=basins[0][0],
+        score=basins[0][1],
+        candidates=tuple(basins),
+        margin=basins[0][1] - basins[1][1] if len(basins) > 1 else 1.0,
+        timings_s=timings,
+    )
+
+
+def _seed_reduction(camera: Camera) -> int:
+    return max(1, round(max(camera.width, camera.height) / SEED_WIDTH_PX))
+
+
+def _seeds(
+    rig: Rig, problem: PoseProblem, config: SamplingConfig, rng: np.random.Generator | None
+) -> F64:
+    if config.grid == "paper":
+        return paper_seeds(problem.centre_mount)
+    seeds = default_seeds(problem.centre_mount, 2.0 * rig.robot.reach)
+    if rng is not None:
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        about = np.eye(4)
+        about[:3, 3] = problem.centre_mount
+        seeds = about @ turn @ inverse(about) @ seeds
+    return seeds
+
+
+class _SeedScorer:
+    """Matches position and size of a seed's masks to the observed ones, and scores it.
+
+    Args:
+        problem: The views.
+        n_views: How many of them to use; those in which the arm looks most unlike.
+    """
+
+    def __init__(self, problem: PoseProblem, n_views: int) -> None:
+        self.reduction = _seed_reduction(problem.camera)
+        self.renderer: SilhouetteRenderer = problem.renderer(self.reduction)
+        self.problem = problem
+        masks = [m.level(self.reduction)[0] for m in problem.masks]
+        chosen = _unlike_views(problem.Ts_mount_link, n_views)
+        self.views = chosen
+        self.masks = [masks[v] for v in chosen]
+        self.observed = np.array([overlap(m, m)[:3] for m in self.masks])
+
+    def fit(self, T_mount_cam: F64, rounds: int) -> tuple[F64, float]:
+        """Returns the adapted ``T_mount_cam`` and its mean IoU."""
+        T = inverse(T_mount_cam)
+        best, best_score = T, -1.0
+        for i in range(rounds + 1):
+            seen = self._look(T)
+            score = float(np.mean(seen[:, 3] / np.maximum(seen[:, 4], 1e-9)))
+            if score > best_score:
+                best, best_score = T, score
+            if i < rounds:
+                T = self._adapted(T, seen)
+        return inverse(best), best_score
+
+    def _look(self, T_cam_mount: F64) -> F64:
+        rows = []
+        for v, mask in zip(self.views, self.masks, strict=True):
+            coverage = self.renderer.coverage(T_cam_mount @ self.problem.Ts_mount_link[v])
+            rows.append(overlap(coverage, mask))
+        return np.array(rows)
+
+    def _adapted(self, T_cam_mount: F64, seen: F64) -> F64:
+        """Turn the camera by the mean offset of the centroids, then go nearer or farther."""
+        camera = self.renderer.camera
+        visible = seen[:, 0] > 1.0
+        if not visible.any():
+            return T_cam_mount
+        weight = self.observed[visible, 0]
+        rendered = np.average(seen[visible, 1:3], axis=0, weights=weight)
+        wanted = np.average(self.observed[visible, 1:3], axis=0, weights=weight)
+        turned = _rotation_between(camera.unproject(rendered), camera.unproject(wanted))
+        T = T_cam_mount.copy()
+        T[:3] = turned @ T[:3]
+        ratio = np.sqrt(seen[visible, 0].sum() / self.observed[visible, 0].sum())
+        centre = self.problem.centre_cam(T)
+        T[:3, 3] += centre * (np.clip(ratio, 0.4, 2.5) - 1.0)
+        return T
+
+
+def _rotation_between(a: F64, b: F64) -> F64:
+    """The smallest rotation ``(3, 3)`` that turns direction ``a`` into ``b``."""
+    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
+    v = np.cross(a, b)
+    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return np.eye(3) + K + K @ K / (1.0 + float(a @ b))
+
+
+def _unlike_views(Ts_mount_link: F64, n: int) -> list[int]:
+    """Views whose arms are farthest from each other (farthest-point choice on link positions)."""
+    shape = Ts_mount_link[..., :3, 3].reshape(len(Ts_mount_link), -1)
+    chosen = [int(np.argmax(np.linalg.norm(shape - shape.mean(axis=0), axis=1)))]
+    while len(chosen) < min(n, len(shape)):
+        gap = np.min([np.linalg.norm(shape - shape[c], axis=1) for c in chosen], axis=0)
+        gap[chosen] = -1.0
+        chosen.append(int(np.argmax(gap)))
+    return chosen
+
+
+def _score_all(scorer: _SeedScorer, seeds: list[F64], rounds: int) -> list[tuple[F64, float]]:
+    chunks = [seeds[i :: usable_cores()] for i in range(usable_cores())]
+    done = parallel_map(lambda chunk: [scorer.fit(T, rounds) for T in chunk], chunks)
+    # By index first, so that the order does not depend on the number of cores.
+    found: list[tuple[F64, float]] = [(seeds[0], 0.0)] * len(seeds)
+    for i, part in enumerate(done):
+        found[i :: usable_cores()] = part
+    return sorted(found, key=lambda x: -x[1])
+
+
+def _refine(
+    problem: PoseProblem, poses: Sequence[tuple[F64, float]], reduction: int, scale_px: float
+) -> list[tuple[F64, float]]:
+    level = Level(reduction, scale_px=scale_px, spacing=0.7)
+    done = []
+    for T, score in poses:
+        end = descend(problem, inverse(T), level, 8)
+        better = end.mean_iou >= score
+        done.append((inverse(end.T_cam_mount) if better else T, max(end.mean_iou, score)))
+    return _distinct(sorted(done, key=lambda x: -x[1]))
+
+
+def _distinct(poses: Sequence[tuple[F64, float]]) -> list[tuple[F64, float]]:
+    """Poses best first, without those that lie in the basin of a better one."""
+    kept: list[tuple[F64, float]] = []
+    for T, score in sorted(poses, key=lambda x: -x[1]):
+        if all(not _same_basin(T, other) for other, _ in kept):
+            kept.append((T, score))
+    return kept
+
+
+def _same_basin(T_a: F64, T_b: F64) -> bool:
+    near = pose_error(T_a, T_b)[0] < _SAME_BASIN_RATIO * float(np.linalg.norm(T_a[:3, 3]))
+    return near and float(rotation_angle(T_a[:3, :3].T @ T_b[:3, :3])) < np.deg2rad(_SAME_BASIN_DEG)

@@ -1,0 +1,71 @@
+"""Camera poses to try when nothing is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from easyhecpp.geometry import exp_so3, look_at, make_transform
+
+F64 = NDArray[np.float64]
+
+PAPER_ELEVATIONS_DEG = tuple(range(0, 71, 10))
+PAPER_AZIMUTHS_DEG = tuple(range(0, 360, 30))
+PAPER_DISTANCE = 1.0
+"""The grid of the paper, section "Implementation Details": 96 poses at one metre."""
+
+ELEVATIONS_DEG = (-60.0, -35.0, -10.0, 15.0, 40.0, 65.0, 85.0)
+ROLLS_DEG = (-30.0, 0.0, 30.0)
+
+
+def sphere_seeds(
+    centre: ArrayLike,
+    distance: float,
+    elevations_deg: Sequence[float],
+    azimuths_deg: Sequence[float],
+    rolls_deg: Sequence[float] = (0.0,),
+) -> F64:
+    """Cameras on a sphere that look at its centre.
+
+    Args:
+        centre: ``(3,)`` metres, mount frame.
+        distance: Radius of the sphere, metres.
+        elevations_deg: Angle above the mount's xy plane.
+        azimuths_deg: Angle about the mount's z axis.
+        rolls_deg: Rotation about the optical axis; 0 keeps the mount's z axis up in the image.
+
+    Returns:
+        ``(S, 4, 4)`` poses ``T_mount_cam``.
+    """
+    centre = np.asarray(centre, np.float64)
+    seeds = []
+    for elevation in np.deg2rad(elevations_deg):
+        for azimuth in np.deg2rad(azimuths_deg):
+            direction = np.array(
+                [
+                    np.cos(elevation) * np.cos(azimuth),
+                    np.cos(elevation) * np.sin(azimuth),
+                    np.sin(elevation),
+                ]
+            )
+            T = look_at(centre + distance * direction, centre)
+            for roll in np.deg2rad(rolls_deg):
+                seeds.append(T @ make_transform(exp_so3([0.0, 0.0, roll]), [0.0, 0.0, 0.0]))
+    return np.stack(seeds)
+
+
+def default_seeds(centre: ArrayLike, distance: float) -> F64:
+    """Seeds all around the arm, from below too, with rolls; coarser in azimuth near the poles."""
+    parts = []
+    for elevation in ELEVATIONS_DEG:
+        n = max(4, round(14 * np.cos(np.deg2rad(elevation))))
+        azimuths = np.arange(n) * 360.0 / n
+        parts.append(sphere_seeds(centre, distance, (elevation,), azimuths, ROLLS_DEG))
+    return np.concatenate(parts)
+
+
+def paper_seeds(centre: ArrayLike) -> F64:
+    """The paper's hemisphere: 8 elevations x 12 azimuths at a distance of one metre."""
+    return sphere_seeds(centre, PAPER_DISTANCE, PAPER_ELEVATIONS_DEG, PAPER_AZIMUTHS_DEG)
