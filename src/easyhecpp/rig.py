@@ -9,13 +9,15 @@ it is the link that the camera rides on. Nothing outside this module needs to kn
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse
-from easyhecpp.robot import Robot
+
+if TYPE_CHECKING:
+    from easyhecpp.robot import Robot
 
 Setup = Literal["eye-to-hand", "eye-in-hand"]
 
@@ -33,10 +35,20 @@ def check_setup(value: object) -> Setup:
     if value == "eye-in-hand":
         return "eye-in-hand"
     raise InputError(
-        f"unknown set-up {value!r}",
+        f"Unknown set-up {value!r}",
         expected=" or ".join(SETUPS),
-        fix="eye-to-hand for a camera that stands beside the arm, eye-in-hand for one on the arm",
+        fix="Give eye-to-hand for a camera beside the arm, eye-in-hand for one on the arm",
     )
+
+
+def mount_frame(setup: Setup) -> Literal["base", "ee"]:
+    """The word for the frame that the camera is fixed to, for names such as `T_base_cam`."""
+    return "base" if setup == "eye-to-hand" else "ee"
+
+
+def mount_link(setup: Setup, base_link: str, ee_link: str | None) -> str | None:
+    """The link that the camera is fixed to, None when that is the `ee_link` and there is none."""
+    return base_link if mount_frame(setup) == "base" else ee_link
 
 
 @dataclass(frozen=True)
@@ -57,15 +69,14 @@ class Rig:
     ee_link: str | None = None
 
     def __post_init__(self) -> None:
-        if check_setup(self.setup) == "eye-in-hand":
-            self._check_ee_link()
+        mount = mount_link(check_setup(self.setup), self.robot.base_link, self.ee_link)
+        if mount not in self.robot.frame_names:
+            raise self._no_mount()
 
     @property
     def mount(self) -> str:
         """Name of the link that the camera is fixed to: the parent of the sought transform."""
-        if self.setup == "eye-in-hand" and self.ee_link is not None:
-            return self.ee_link
-        return self.robot.base_link
+        return mount_link(self.setup, self.robot.base_link, self.ee_link) or self.robot.base_link
 
     def Ts_mount_link(self, q: np.ndarray) -> np.ndarray:
         """Poses of the links with geometry, seen from the mount.
@@ -94,19 +105,12 @@ class Rig:
         """
         return inverse(T_mount_cam) @ self.Ts_mount_link(q)
 
-    def _check_ee_link(self) -> None:
-        links = self.robot.frame_names
-        if self.ee_link is None:
-            raise InputError(
-                "an eye-in-hand camera needs the link it rides on",
-                where="ee_link",
-                expected=f"one of {', '.join(links)}",
-                fix="name the link that the camera is screwed to, usually the flange",
-            )
-        if self.ee_link not in links:
-            raise InputError(
-                f"the robot '{self.robot.name}' has no link '{self.ee_link}'",
-                where="ee_link",
-                expected=f"one of {', '.join(links)}",
-                fix="name the link that the camera is screwed to, usually the flange",
-            )
+    def _no_mount(self) -> InputError:
+        return InputError(
+            "An eye-in-hand camera needs the link it rides on"
+            if self.ee_link is None
+            else f"The robot '{self.robot.name}' has no link '{self.ee_link}'",
+            where="ee_link",
+            expected=f"one of {', '.join(self.robot.frame_names)}",
+            fix="Name the link that the camera is screwed to, usually the flange",
+        )

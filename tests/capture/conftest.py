@@ -62,11 +62,12 @@ class CaptureFolder:
         self.table()
         texture = rng.integers(40, 220, (HEIGHT, WIDTH, 3))
         for index, view in enumerate(views):
+            left = 10 + 7 * index % 40
             image = texture.copy()
-            image[10:30, 10 + 8 * index : 20 + 8 * index] = (200, 120, 30)
+            image[10:30, left : left + 10] = (200, 120, 30)
             self.image(f"{view}.png", image.astype(np.uint8))
             mask = np.zeros((HEIGHT, WIDTH), np.uint8)
-            mask[10:30, 10 + 8 * index : 20 + 8 * index] = 255
+            mask[10:30, left : left + 10] = 255
             self.image(f"{view}.png", mask, folder="masks")
 
     @staticmethod

@@ -7,26 +7,24 @@ Layout one is the dump of a `sensor_msgs/CameraInfo` topic (`width`, `height`, `
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from easyhecpp.camera import DISTORTION_MODELS, Camera
 from easyhecpp.capture._text import closest, listing
+from easyhecpp.capture.camera_entries import (
+    LAYOUTS,
+    as_count,
+    as_number,
+    as_numbers,
+    read_entries,
+)
 from easyhecpp.errors import InputError
 
 _ALIASES = {"": "none", "fisheye": "equidistant"}
-
-_LAYOUTS = (
-    "the output of 'ros2 topic echo --once .../camera_info' (width, height, k, d, "
-    "distortion_model) or a camera_calibration_parsers file (image_width, image_height, "
-    "camera_matrix, distortion_coefficients)"
-)
 
 # Outside these the numbers are no pixels: a normalised matrix, millimetres, a lost decimal point.
 _MIN_FOCAL_SHARE, _MAX_FOCAL_SHARE = 0.1, 100.0
@@ -51,7 +49,7 @@ def read_camera_info(path: str | Path) -> Camera:
 def parse_camera_info(path: str | Path) -> tuple[Camera, tuple[str, ...]]:
     """Like `read_camera_info`, together with sentences on what the file left open."""
     path = Path(path)
-    entries = _entries(path)
+    entries = read_entries(path)
     width, height = _size(entries, path)
     matrix = _intrinsic_matrix(entries, path)
     notes: list[str] = []
@@ -85,76 +83,13 @@ def camera_info_entries(camera: Camera) -> dict[str, Any]:
     }
 
 
-def _entries(path: Path) -> dict[str, Any]:
-    """The file's entries by lower-case key, those of a `header` included."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError(
-            "There is no camera_info file",
-            where=path,
-            expected=_LAYOUTS,
-            fix="Record it beside the images, or name it in capture.yaml: 'camera_info: FILE'",
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"The camera_info file cannot be read: {error}", where=path) from error
-    content = _first_document(text, path)
-    if not isinstance(content, dict) or not content:
-        raise InputError("The camera_info file holds no entries", where=path, expected=_LAYOUTS)
-    entries = {str(key).lower(): value for key, value in content.items()}
-    header = entries.get("header")
-    if isinstance(header, Mapping) and header.get("frame_id"):
-        entries.setdefault("frame_id", header["frame_id"])
-    return entries
-
-
-def _first_document(text: str, path: Path) -> Any:
-    try:
-        if path.suffix.lower() == ".json":
-            return json.loads(text)
-        # `ros2 topic echo` ends every message with '---'; the messages of a fixed camera agree.
-        return next((part for part in yaml.safe_load_all(text) if part is not None), None)
-    except (yaml.YAMLError, json.JSONDecodeError) as error:
-        kind = "JSON" if path.suffix.lower() == ".json" else "YAML"
-        raise InputError(
-            f"The camera_info file is not valid {kind}: {' '.join(str(error).split())}",
-            where=path,
-            expected=_LAYOUTS,
-        ) from error
-
-
-def _numbers(value: Any, key: str, path: Path) -> list[float]:
-    """A list, a nested list or a `{rows, cols, data}` matrix as a flat list of finite numbers."""
-    if isinstance(value, Mapping):
-        value = value.get("data")
-    if not isinstance(value, list):
-        raise InputError(f"'{key}' is {value!r}", where=path, expected="a list of numbers")
-    flat = [item for row in value for item in (row if isinstance(row, list) else [row])]
-    return [_number(item, key, path) for item in flat]
-
-
-def _number(value: Any, key: str, path: Path) -> float:
-    # PyYAML reads '1e-05' as a text, so texts that are numbers are taken as such.
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise InputError(
-            f"'{key}' holds {value!r}, which is not a finite number",
-            where=path,
-            fix="Take the numbers from the driver or from a calibration",
-        )
-    return number
-
-
 def _size(entries: Mapping[str, Any], path: Path) -> tuple[int, int]:
     sizes = []
     for key in ("width", "height"):
         value = entries.get(key, entries.get(f"image_{key}"))
         if value is None:
-            raise InputError(f"The camera_info has no {key}", where=path, expected=_LAYOUTS)
-        number = _number(value, key, path)
+            raise InputError(f"The camera_info has no {key}", where=path, expected=LAYOUTS)
+        number = as_number(value, key, path)
         if number <= 0 or number != int(number):
             raise InputError(
                 f"The camera_info gives the {key} as {value}",
@@ -172,10 +107,10 @@ def _intrinsic_matrix(entries: Mapping[str, Any], path: Path) -> np.ndarray:
         raise InputError(
             "The camera_info has no intrinsics (no 'k' and no 'camera_matrix')",
             where=path,
-            expected=_LAYOUTS,
+            expected=LAYOUTS,
             fix="Add the row-major 3x3 matrix: k: [fx, 0, cx, 0, fy, cy, 0, 0, 1]",
         )
-    numbers = _numbers(value, "k", path)
+    numbers = as_numbers(value, "k", path)
     if len(numbers) != 9:
         raise InputError(
             f"The intrinsic matrix 'k' has {len(numbers)} numbers",
@@ -252,7 +187,7 @@ def _distortion(
 ) -> tuple[str, tuple[float, ...]]:
     """Model and coefficients as `Camera` wants them."""
     value = entries.get("d", entries.get("distortion_coefficients"))
-    given = [] if value is None else _numbers(value, "d", path)
+    given = [] if value is None else as_numbers(value, "d", path)
     name = entries.get("distortion_model")
     if name is None:
         if any(given):
@@ -315,7 +250,7 @@ def _as_published(
     the middle of the pixels that it joins, hence the halves.
     """
     x, y, width, height = _region(entries, camera, path)
-    bins = [_whole(entries.get(f"binning_{axis}"), f"binning_{axis}", path) or 1 for axis in "xy"]
+    bins = [as_count(entries.get(f"binning_{axis}"), f"binning_{axis}", path) or 1 for axis in "xy"]
     if (x, y, width, height) == (0, 0, camera.width, camera.height) and bins == [1, 1]:
         return camera
     notes.append(
@@ -340,7 +275,7 @@ def _region(entries: Mapping[str, Any], camera: Camera, path: Path) -> tuple[int
     if not isinstance(roi, Mapping):
         return 0, 0, camera.width, camera.height
     values = {
-        key: _whole(roi.get(key), f"roi: {key}", path)
+        key: as_count(roi.get(key), f"roi: {key}", path)
         for key in ("x_offset", "y_offset", "width", "height")
     }
     x, y = values["x_offset"], values["y_offset"]
@@ -354,12 +289,3 @@ def _region(entries: Mapping[str, Any], camera: Camera, path: Path) -> tuple[int
             fix="Correct 'roi', or remove it when the images show the whole picture",
         )
     return x, y, width, height
-
-
-def _whole(value: Any, key: str, path: Path) -> int:
-    if value is None:
-        return 0
-    number = _number(value, key, path)
-    if number < 0 or number != int(number):
-        raise InputError(f"'{key}' is {value}", where=path, expected="a whole number, 0 or more")
-    return int(number)

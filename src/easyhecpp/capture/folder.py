@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.camera import Camera
-from easyhecpp.capture._text import listing, plural
+from easyhecpp.capture._text import listing
 from easyhecpp.capture.camera_info import parse_camera_info
 from easyhecpp.capture.config import CONFIG_NAME, CaptureConfig, read_config
 from easyhecpp.capture.joint_table import JointTable, read_joint_table
 from easyhecpp.capture.joints import JointReader
-from easyhecpp.capture.pictures import check_depths, check_images, check_masks, list_pictures
+from easyhecpp.capture.picture_files import PictureFiles
+from easyhecpp.capture.pictures import check_depths, check_images, check_masks
 from easyhecpp.capture.problems import Findings, Part
 from easyhecpp.capture.view import View
 from easyhecpp.errors import InputError
@@ -68,7 +69,7 @@ def read_folder(folder: str | Path) -> FolderContents:
     vectors: dict[str, NDArray[np.float64]] = {}
     if robot is not None and table is not None:
         vectors = JointReader(table, robot, config, findings).vectors()
-    files = _Files.find(root, config, findings)
+    files = PictureFiles.find(root, config, findings)
     if table is not None:
         files.match(table, findings)
     check_images(files.images, camera, findings)
@@ -158,99 +159,8 @@ def robot_path(root: Path, config: CaptureConfig) -> Path:
     return found
 
 
-@dataclass(frozen=True)
-class _Files:
-    """The files of each kind by view id."""
-
-    images: dict[str, Path]
-    masks: dict[str, Path]
-    depths: dict[str, Path]
-    image_folder: Path
-
-    @staticmethod
-    def find(root: Path, config: CaptureConfig, findings: Findings) -> _Files:
-        """List the folders of pictures; a capture without any is an error."""
-        found: list[dict[str, Path]] = []
-        for name, kind in (
-            (config.images, "image"),
-            (config.masks, "mask"),
-            (config.depth, "depth image"),
-        ):
-            found.append({})
-            with findings.catching():
-                found[-1] = list_pictures(root / name, kind, findings)
-        files = _Files(found[0], found[1], found[2], root / config.images)
-        if not files.images and files.masks:
-            findings.note("There are no images, only masks", where=str(files.image_folder))
-        elif not files.images:
-            there = files.image_folder.is_dir()
-            findings.error(
-                "The folder of images holds no image" if there else "There is no folder of images",
-                where=str(files.image_folder),
-                expected="PNG or JPEG files named like the views in joints.csv",
-                fix=f"Put them there, or name the folder in {CONFIG_NAME}: 'images: FOLDER'",
-            )
-        return files
-
-    def match(self, table: JointTable, findings: Findings) -> None:
-        """Report views that are only in the table or only among the pictures."""
-        seen = self.images or self.masks
-        a_kind = "an image" if self.images else "a mask"
-        kinds = "images" if self.images else "masks"
-        if not seen:
-            return
-        rows, name = set(table.views), table.path.name
-        unseen = [view for view in table.views if view and view not in seen]
-        unknown = [view for view in seen if view not in rows]
-        hint = _zeros_hint(unseen, unknown)
-        if unknown:
-            findings.error(
-                f"{plural(len(unknown), 'view')} with {a_kind} but without a row in {name}: "
-                f"{listing(unknown)}",
-                where=str(table.path),
-                expected="a row for every view",
-                fix=hint or f"Add the rows, or delete the {kinds}",
-                views=tuple(unknown),
-                drops="view",
-            )
-        if unseen:
-            findings.error(
-                f"{plural(len(unseen), 'view')} with a row in {name} but without {a_kind}: "
-                f"{listing(unseen)}",
-                where=str(next(iter(seen.values())).parent),
-                expected=f"{a_kind} named like every row",
-                fix=hint or f"Add the {kinds}, or delete the rows",
-                views=tuple(unseen),
-                drops="view",
-            )
-        self._match_extras(rows | set(seen), findings)
-
-    def _match_extras(self, views: set[str], findings: Findings) -> None:
-        for files, kind in ((self.masks, "mask"), (self.depths, "depth image")):
-            stray = [view for view in files if view not in views]
-            if stray:
-                findings.warn(
-                    f"{kind.capitalize()} without a view: {listing(stray)}",
-                    where=str(files[stray[0]].parent),
-                    fix="Name it like its image, or delete it",
-                )
-        bare = [view for view in self.images if view not in self.masks]
-        if self.masks and bare:
-            findings.note(f"{plural(len(bare), 'view')} without a mask: {listing(bare)}")
-
-
-def _zeros_hint(rows: Iterable[str], files: Iterable[str]) -> str | None:
-    """Advice when a spreadsheet has eaten the zeros in front of the views' names."""
-    stripped = {name.lstrip("0"): name for name in files}
-    for row in rows:
-        name = stripped.get(row.lstrip("0"))
-        if name is not None:
-            return f"'{row}' is not '{name}': restore the leading zeros in the column 'view'"
-    return None
-
-
 def _views(
-    vectors: Mapping[str, NDArray[np.float64]], files: _Files, findings: Findings
+    vectors: Mapping[str, NDArray[np.float64]], files: PictureFiles, findings: Findings
 ) -> tuple[View, ...]:
     """The views without what the errors drop."""
     dropped: dict[Part, set[str]] = {"view": set(), "mask": set(), "depth": set()}

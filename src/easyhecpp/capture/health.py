@@ -21,8 +21,9 @@ _THUMB_WIDTH = 64
 # 8-bit grey levels.
 _BLACK_LEVEL = 16
 _BLANK_SPREAD = 4
-# Below this difference of the small pictures, nothing but noise has changed.
-_SAME_THUMB = 1.0
+# Below this difference of the small pictures, nothing but noise has changed: a pixel of those is
+# the mean of hundreds, an arm that covers a tenth of it changes it by more.
+_SAME_THUMB = 1.5
 # A brightness factor between a frame and the middle of all frames that auto-exposure in a steady
 # scene does not reach.
 _EXPOSURE_FACTOR = 1.6
@@ -63,7 +64,9 @@ class FrameStatistics:
         grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
         height, width = grey.shape
         size = (_THUMB_WIDTH, max(1, round(height * _THUMB_WIDTH / width)))
-        thumb = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        thumb = np.asarray(
+            cv2.resize(grey.astype(np.float32), size, interpolation=cv2.INTER_AREA), np.float32
+        )
         low, high = np.percentile(grey, (1, 99))
         digest = hashlib.blake2b(np.ascontiguousarray(image).data, digest_size=16).digest()
         return FrameStatistics(

@@ -18,7 +18,7 @@ from easyhecpp.errors import InputError
 #: Decoded pictures kept in memory, in bytes: about fifty colour images of 1280x720.
 CACHE_BYTES = 128 * 2**20
 
-_MILLIMETRES = 1e-3
+_METRES_PER_UNIT = 1e-3
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -63,7 +63,7 @@ def read_depth(path: Path) -> NDArray[np.float32]:
             expected="16-bit grey, in millimetres, 0 where there is no depth",
             fix="Export the depth itself, not a coloured picture of it; or delete the file",
         )
-    return _decode(path)[..., 0].astype(np.float32) * np.float32(_MILLIMETRES)
+    return (_decode(path)[..., 0] * _METRES_PER_UNIT).astype(np.float32)
 
 
 def inspect_mask(path: Path) -> tuple[float, int]:

@@ -36,6 +36,7 @@ from easyhecpp.formats.result_blocks import (
     raise_if,
 )
 from easyhecpp.geometry import inverse
+from easyhecpp.rig import Setup, mount_frame, mount_link
 
 __all__ = [
     "SCHEMA",
@@ -49,7 +50,6 @@ __all__ = [
     "ViewResult",
 ]
 
-Setup = Literal["eye-to-hand", "eye-in-hand"]
 Verdict = Literal["ok", "doubtful", "failed"]
 
 SCHEMA = 1
@@ -126,7 +126,7 @@ class ResultFile(Block):
         Raises:
             InputError: The parts do not form a valid result.
         """
-        mount = robot.base_link if setup == "eye-to-hand" else robot.ee_link
+        mount = mount_link(setup, robot.base_link, robot.ee_link)
         if mount is None:
             raise InputError("An eye-in-hand result needs the robot's ee_link")
         T = None if T_mount_cam is None else np.asarray(T_mount_cam, dtype=np.float64)
@@ -227,9 +227,9 @@ class ResultFile(Block):
         if self.T_mount_cam is None:
             return []
         problems = []
-        mount = self.robot.base_link if self.setup == "eye-to-hand" else self.robot.ee_link
+        mount = mount_link(self.setup, self.robot.base_link, self.robot.ee_link)
         if self.T_mount_cam.parent != mount:
-            link = "robot.base_link" if self.setup == "eye-to-hand" else "robot.ee_link"
+            link = f"robot.{mount_frame(self.setup)}_link"
             problems.append(
                 f"T_mount_cam.parent is {self.T_mount_cam.parent!r}, but {link} is {mount!r} and "
                 f"the setup is {self.setup}"

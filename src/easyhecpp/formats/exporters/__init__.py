@@ -110,7 +110,7 @@ def render(
     if camera_name is not None and not (camera_name and camera_name.isprintable()):
         raise InputError(f"The camera name {camera_name!r} is empty or cannot be printed")
     pose = _pose(result, camera_name, allow_failed)
-    if exporter.eye_to_hand_only and result.setup != "eye-to-hand":
+    if exporter.eye_to_hand_only and pose.mount_word != "base":
         raise InputError(
             f"Target {target!r} knows cameras beside the arm only, and this one rides on it"
         )

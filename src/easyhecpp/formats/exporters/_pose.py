@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, quat_wxyz_from_matrix
+from easyhecpp.rig import Setup, mount_frame
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class ExportPose:
     parent: str
     child: str
     child_axes: str
-    setup: str
+    setup: Setup
     camera: Camera
     camera_name: str
     base_link: str
@@ -63,7 +64,7 @@ class ExportPose:
     @property
     def mount_word(self) -> str:
         """``base`` or ``ee``: what the parent is, for names such as ``T_base_cam``."""
-        return "base" if self.setup == "eye-to-hand" else "ee"
+        return mount_frame(self.setup)
 
     def facts(self, holds: str, quaternion: str | None, *more: str) -> list[str]:
         """Lines for the head of a file: origin, frames, both directions, what the file holds.
