@@ -1,0 +1,95 @@
+"""The last stage: generalised least squares with one dilation common to all masks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from easyhecpp._parallel import parallel_map
+from easyhecpp.errors import CalibrationError
+from easyhecpp.geometry import perturb_about
+from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
+from easyhecpp.solve.descend import MIN_SAMPLES, step_px
+from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.robust import consistent_scale, inlier_weights
+
+F64 = NDArray[np.float64]
+
+COVARIANCE_INFLATION = 1.3
+"""Factor on the covariance for what the noise model leaves out (its variances are estimates, and
+contours bend). Set on simulated noise families other than those of the published tables."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    T_cam_mount: F64
+    centre_cam: F64
+    covariance: F64
+    information: F64
+    dilation: float
+    noise: NoiseModel
+    seen: list[Evidence]
+    weights: list[F64]
+
+
+def generalised_least_squares(
+    problem: PoseProblem, T_cam_mount: F64, dilation_prior_px: float
+) -> Solution:
+    T = T_cam_mount
+    noise: NoiseModel | None = None
+    for _ in range(3):
+        centre = problem.centre_cam(T)
+        seen = problem.gather(T, 1, smoothing_px=1.2, spacing=1.0)
+        scale = consistent_scale(seen)
+        weights = [inlier_weights(e.distances, scale) for e in seen]
+        points = parallel_map(lambda ew: average_samples(*ew), zip(seen, weights, strict=True))
+        if sum(len(p) for p in points) < MIN_SAMPLES:
+            raise CalibrationError(
+                "No view shows enough of the arm's outline to fit a pose to. Check that the "
+                "first pose, the joints and the masks belong together."
+            )
+        if noise is None:
+            noise = fit_noise(points)
+        information, vector = _information(points, noise, problem.weights)
+        N = information.sum(axis=0)
+        N[6, 6] += 1.0 / dilation_prior_px**2
+        solution = np.linalg.solve(N, vector)
+        T_next = perturb_about(T, centre, solution[:6])
+        if step_px(seen, solution[:6]) < 0.003:
+            break
+        T = T_next
+        # The variances belong to the residuals at the pose that they are used for.
+        noise = fit_noise([_shifted(p, solution) for p in points])
+    covariance = COVARIANCE_INFLATION * np.linalg.inv(N)[:6, :6]
+    return Solution(T, centre, covariance, information, float(solution[6]), noise, seen, weights)
+
+
+def _shifted(points: ContourPoints, solution: F64) -> ContourPoints:
+    """The points with the residuals that a solved step leaves."""
+    left = points.residuals - points.jacobians @ solution[:6] - solution[6]
+    return ContourPoints(
+        points.points, points.normals, points.jacobians, left, points.weights, points.length_px
+    )
+
+
+def _information(
+    points: Sequence[ContourPoints], noise: NoiseModel, view_weights: F64
+) -> tuple[F64, F64]:
+    """Per view the information ``(V, 7, 7)`` on [delta, dilation], and the total vector ``(7,)``."""
+
+    def one(view: int) -> tuple[F64, F64]:
+        p = points[view]
+        if len(p) == 0:
+            return np.zeros((7, 7)), np.zeros(7)
+        A = np.column_stack([p.jacobians, np.ones(len(p))])
+        factor = cho_factor(noise.covariance(p, view), lower=True, check_finite=False)
+        CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
+        return view_weights[view] * (A.T @ CA[:, :7]), view_weights[view] * (A.T @ CA[:, 7])
+
+    parts = parallel_map(one, range(len(points)))
+    return np.stack([p[0] for p in parts]), np.sum([p[1] for p in parts], axis=0)
