@@ -35,6 +35,7 @@ class KinematicTree:
         Ts_parent_joint: (M, 4, 4) constant pose in the previous moving joint's frame.
         frame_parents: (F,) index of the moving joint a frame rides on, -1 for the root.
         Ts_parent_frame: (F, 4, 4) constant pose of a frame on that joint.
+        frames_above: (F,) index of the next link towards the root, -1 for the root itself.
     """
 
     joint_names: tuple[str, ...]
@@ -48,6 +49,7 @@ class KinematicTree:
     Ts_parent_joint: np.ndarray
     frame_parents: np.ndarray
     Ts_parent_frame: np.ndarray
+    frames_above: np.ndarray
 
     def moving_poses(self, q: np.ndarray) -> np.ndarray:
         """Poses of the moving joints' child frames in the root, and last the root itself.
@@ -116,6 +118,7 @@ def build_tree(urdf: Urdf) -> KinematicTree:
             rides[joint.child] = (parent, T_ride_joint)
 
     frames = tuple(urdf.links)
+    above = {joint.child: joint.parent for joint in urdf.joints}
     return KinematicTree(
         joint_names=tuple(j.name for j in actuated),
         frame_names=frames,
@@ -128,6 +131,7 @@ def build_tree(urdf: Urdf) -> KinematicTree:
         Ts_parent_joint=_frozen(Ts_parent_joint, shape=(-1, 4, 4)),
         frame_parents=_frozen([rides[f][0] for f in frames], np.intp),
         Ts_parent_frame=_frozen([rides[f][1] for f in frames]),
+        frames_above=_frozen([frames.index(above[f]) if f in above else -1 for f in frames], int),
     )
 
 

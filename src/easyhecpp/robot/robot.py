@@ -97,6 +97,12 @@ class Robot:
         return max((mesh.error for mesh in self.meshes), default=0.0)
 
     @cached_property
+    def link_parents(self) -> tuple[int, ...]:
+        """For each link with geometry the index of the next one towards the base, -1 for none."""
+        frames = [self.frame_names.index(name) for name in self.link_names]
+        return tuple(self._next_link_above(frame, frames) for frame in frames)
+
+    @cached_property
     def neutral(self) -> np.ndarray:
         """(n,) middle of each joint's range; of a turning joint's range within -pi..pi if any."""
         lower, upper = self._search_limits
@@ -182,6 +188,12 @@ class Robot:
             link_names=tuple(self.link_names[i] for i in kept),
             meshes=tuple(self.meshes[i] for i in kept),
         )
+
+    def _next_link_above(self, frame: int, link_frames: list[int]) -> int:
+        above = int(self.tree.frames_above[frame])
+        while above >= 0 and above not in link_frames:
+            above = int(self.tree.frames_above[above])
+        return link_frames.index(above) if above >= 0 else -1
 
     @cached_property
     def _link_frames(self) -> np.ndarray:
