@@ -67,7 +67,7 @@ CASES = {
     "bitmaps": (bitmap_images, ["holds no image"]),
     "text as image": (
         lambda f: (f.root / "images" / "0001.png").write_text("hello"),
-        ["not an image", "0001.png", "a PNG or JPEG file", "delete the view"],
+        ["not an image", "0001.png", "a PNG or JPEG file", "delete it"],
     ),
     "image of no bytes": (
         lambda f: (f.root / "images" / "0001.png").write_bytes(b""),

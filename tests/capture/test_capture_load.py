@@ -114,6 +114,29 @@ def test_joints_a_little_beyond_their_limits_are_a_warning(folder):
     assert not any("joint2" in n for n in Capture.load(folder.root).notes)
 
 
+def test_a_joint_without_limits_may_be_wound_up(folder):
+    folder.positions["0001"]["joint3"] = 7.5
+    folder.table()
+    capture = Capture.load(folder.root)
+    assert capture.view("0001").joints[3] == 7.5
+    assert not any("joint3" in note for note in capture.notes)
+
+
+def test_another_branch_that_is_not_measured_is_a_warning(folder):
+    urdf = folder.root / "robot" / "robot.urdf"
+    branch = """<link name="head"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>
+      </link>
+      <joint name="head_pan" type="revolute"><parent link="base"/><child link="head"/>
+        <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+    </robot>"""
+    urdf.write_text(urdf.read_text().replace("</robot>", branch))
+    capture = Capture.load(folder.root)
+    assert capture.views[0].joints[capture.robot.joint_names.index("head_pan")] == 0.5
+    (warning,) = (p for p in check_capture(folder.root) if p.severity == "warning")
+    assert "No column for head_pan, which move parts of the robot" in warning.what
+    assert "ignore_links" in warning.fix
+
+
 def test_settings_of_capture_yaml_are_followed(folder):
     (folder.root / "images").rename(folder.root / "rgb")
     (folder.root / "joints.csv").rename(folder.root / "q.csv")

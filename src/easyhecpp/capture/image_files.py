@@ -57,7 +57,7 @@ def read_header(path: Path) -> ImageHeader:
             "The file is not an image" if data else "The image file is empty",
             where=path,
             expected="a PNG or JPEG file",
-            fix="Record or export it again, or delete the view",
+            fix="Record or export it again, or delete it",
         )
     if header is None:
         raise broken_image(path)
@@ -86,7 +86,7 @@ def broken_image(path: Path) -> InputError:
         "The image file is truncated or damaged",
         where=path,
         expected="a complete PNG or JPEG file",
-        fix="Copy or record it again, or delete the view",
+        fix="Copy or record it again, or delete it",
     )
 
 
