@@ -31,6 +31,7 @@ class Solution:
     centre_cam: F64
     covariance: F64
     information: F64
+    vectors: F64
     dilation: float
     noise: NoiseModel
     seen: list[Evidence]
@@ -45,28 +46,33 @@ def generalised_least_squares(
     for _ in range(3):
         centre = problem.centre_cam(T)
         seen = problem.gather(T, 1, smoothing_px=1.2, spacing=1.0)
-        scale = consistent_scale(seen)
+        scale = consistent_scale(seen, problem.weights)
         weights = [inlier_weights(e.distances, scale) for e in seen]
         points = parallel_map(lambda ew: average_samples(*ew), zip(seen, weights, strict=True))
-        if sum(len(p) for p in points) < MIN_SAMPLES:
+        if (
+            sum(len(p) for p, w in zip(points, problem.weights, strict=True) if w > 0.0)
+            < MIN_SAMPLES
+        ):
             raise CalibrationError(
                 "No view shows enough of the arm's outline to fit a pose to. Check that the "
                 "first pose, the joints and the masks belong together."
             )
         if noise is None:
-            noise = fit_noise(points)
-        information, vector = _information(points, noise, problem.weights)
+            noise = fit_noise(points, problem.weights)
+        information, vectors = _information(points, noise, problem.weights)
         N = information.sum(axis=0)
         N[6, 6] += 1.0 / dilation_prior_px**2
-        solution = np.linalg.solve(N, vector)
+        solution = np.linalg.solve(N, vectors.sum(axis=0))
         T_next = perturb_about(T, centre, solution[:6])
         if step_px(seen, solution[:6]) < 0.003:
             break
         T = T_next
         # The variances belong to the residuals at the pose that they are used for.
-        noise = fit_noise([_shifted(p, solution) for p in points])
+        noise = fit_noise([_shifted(p, solution) for p in points], problem.weights)
     covariance = COVARIANCE_INFLATION * np.linalg.inv(N)[:6, :6]
-    return Solution(T, centre, covariance, information, float(solution[6]), noise, seen, weights)
+    return Solution(
+        T, centre, covariance, information, vectors, float(solution[6]), noise, seen, weights
+    )
 
 
 def _shifted(points: ContourPoints, solution: F64) -> ContourPoints:
@@ -80,7 +86,7 @@ def _shifted(points: ContourPoints, solution: F64) -> ContourPoints:
 def _information(
     points: Sequence[ContourPoints], noise: NoiseModel, view_weights: F64
 ) -> tuple[F64, F64]:
-    """Per view the information ``(V, 7, 7)`` on [delta, dilation], and the total vector ``(7,)``."""
+    """Per view the information ``(V, 7, 7)`` on [delta, dilation], and the vector ``(V, 7)``."""
 
     def one(view: int) -> tuple[F64, F64]:
         p = points[view]
@@ -92,4 +98,4 @@ def _information(
         return view_weights[view] * (A.T @ CA[:, :7]), view_weights[view] * (A.T @ CA[:, 7])
 
     parts = parallel_map(one, range(len(points)))
-    return np.stack([p[0] for p in parts]), np.sum([p[1] for p in parts], axis=0)
+    return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])

@@ -128,19 +128,20 @@ def _pair_geometry(points: ContourPoints) -> tuple[F64, F64]:
     return distance, 0.5 * (1.0 + points.normals @ points.normals.T)
 
 
-def fit_noise(views: list[ContourPoints]) -> NoiseModel:
+def fit_noise(views: list[ContourPoints], trust: F64) -> NoiseModel:
     """Fit the variances to the products of residuals, over all views.
 
     Args:
         views: Points of each view at the best pose; a view may be empty.
+        trust: ``(V,)`` weight of each view; one of weight 0 has no say.
     """
-    scale = _view_scales(views)
+    scale = _view_scales(views, trust)
     products = np.zeros(len(_LAG_EDGES_PX) - 1)
     kernels = np.zeros((len(_LAG_EDGES_PX) - 1, len(LENGTHS_PX)))
     counts = np.zeros(len(_LAG_EDGES_PX) - 1)
     power, n_points = 0.0, 0
-    for points, s in zip(views, scale, strict=True):
-        if len(points) < 2:
+    for points, s, weight in zip(views, scale, trust, strict=True):
+        if weight <= 0.0 or len(points) < 2:
             continue
         r = points.residuals / s
         distance, facing = _pair_geometry(points)
@@ -167,14 +168,14 @@ def fit_noise(views: list[ContourPoints]) -> NoiseModel:
     return NoiseModel(variances, max(mean_power - variances.sum(), 1e-4), scale)
 
 
-def _view_scales(views: list[ContourPoints]) -> F64:
+def _view_scales(views: list[ContourPoints], trust: F64) -> F64:
     """Standard deviation of each view relative to the pooled one, drawn towards 1."""
     spread = np.array(
         [float(np.sqrt(np.mean(v.residuals**2))) if len(v) else np.nan for v in views]
     )
-    if not np.isfinite(spread).any():
+    if not np.isfinite(spread[trust > 0.0]).any():
         return np.ones(len(views))
-    pooled = float(np.nanmedian(spread))
+    pooled = float(np.nanmedian(spread[trust > 0.0]))
     relative = np.where(np.isfinite(spread), spread / max(pooled, 1e-9), 1.0)
     # About 20 independent stretches of contour in a view: a spread is known to some 15 %.
     return np.clip(relative, 0.7, 6.0) ** 0.8

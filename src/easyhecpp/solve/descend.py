@@ -114,7 +114,7 @@ def _normal_equations(
     problem: PoseProblem, seen: Sequence[Evidence], level: Level
 ) -> tuple[F64, F64, int]:
     H, g, n = np.zeros((6, 6)), np.zeros(6), 0
-    scale = level.scale_px if level.scale_px else consistent_scale(seen)
+    scale = level.scale_px if level.scale_px else consistent_scale(seen, problem.weights)
     for weight, e in zip(problem.weights, seen, strict=True):
         if level.scale_px:
             r, w = e.distances, redescending_weights(e.distances, scale)

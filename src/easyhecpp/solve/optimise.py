@@ -126,5 +126,6 @@ def _estimate(
         centre_cam=final.centre_cam,
         contours=tuple(contours),
         information=final.information,
+        vectors=final.vectors,
         timings_s=timings,
     )

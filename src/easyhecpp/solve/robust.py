@@ -26,11 +26,19 @@ def inlier_weights(distances: F64, scale_px: float) -> F64:
     return np.clip((_NO_TRUST - ratio) / (_NO_TRUST - _FULL_TRUST), 0.0, 1.0)
 
 
-def consistent_scale(views: Sequence[Evidence]) -> float:
+def consistent_scale(views: Sequence[Evidence], trust: F64) -> float:
     """Standard deviation of the inliers' distances, common to all views, pixels.
 
     The median over the views of each view's robust spread: a view that is wrong as a whole cannot
     raise it and so loses its say.
+
+    Args:
+        views: Samples of each view.
+        trust: ``(V,)`` weight of each view; one of weight 0 has no say.
     """
-    spreads = [1.4826 * float(np.median(np.abs(e.distances))) for e in views if len(e.distances)]
+    spreads = [
+        1.4826 * float(np.median(np.abs(e.distances)))
+        for e, weight in zip(views, trust, strict=True)
+        if weight > 0.0 and len(e.distances)
+    ]
     return max(_SMALLEST_SCALE_PX, float(np.median(spreads))) if spreads else _SMALLEST_SCALE_PX

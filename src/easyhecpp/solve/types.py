@@ -57,6 +57,8 @@ class ViewFit:
         outliers: Share of the visible contour that does not agree with the mask.
         outlier_px: Median absolute distance of all the contour to the mask's outline, pixels.
         noise_px: Standard deviation of the contour noise that was estimated for this view.
+        prediction_px: Displacement of its contour as predicted by the other views, root mean
+            square; None where they cannot predict it.
         flags: Findings, one word each.
     """
 
@@ -68,6 +70,7 @@ class ViewFit:
     outliers: float
     outlier_px: float
     noise_px: float
+    prediction_px: float | None = None
     flags: tuple[str, ...] = ()
 
 
@@ -107,7 +110,8 @@ class PoseEstimate:
         message: The status in a sentence.
         centre_cam: ``(3,)`` the arm's middle in the camera frame, about which ``delta`` is taken.
         contours: Residuals of each view at the solution.
-        information: Per view ``(6, 6)`` information on ``delta``, before the dilation is removed.
+        information: ``(V, 7, 7)`` per view on ``[delta, dilation]``; zero for a view left out.
+        vectors: ``(V, 7)`` per view, of the same normal equations at the solution.
         timings_s: Seconds per stage.
     """
 
@@ -120,4 +124,5 @@ class PoseEstimate:
     centre_cam: F64
     contours: tuple[ContourFit, ...]
     information: F64
+    vectors: F64
     timings_s: dict[str, float] = field(default_factory=dict)
