@@ -20,11 +20,11 @@ class Verdict:
     """The verdict on a calibration.
 
     Attributes:
-        word: ``ok``, ``doubtful`` or ``failed``.
+        verdict: ``ok``, ``doubtful`` or ``failed``.
         reasons: Sentences: what was found and what to do next.
     """
 
-    word: Word
+    verdict: Word
     reasons: tuple[str, ...]
 
 
