@@ -1,0 +1,7 @@
+"""``python -m easyhecpp``."""
+
+import sys
+
+from easyhecpp.cli import main
+
+sys.exit(main())

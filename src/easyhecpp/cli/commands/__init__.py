@@ -1,0 +1,44 @@
+"""The commands, one typed dataclass each; help texts are their docstrings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Protocol
+
+import tyro
+
+from easyhecpp.cli.commands.calibrate import Calibrate
+from easyhecpp.cli.commands.check import CheckCapture
+from easyhecpp.cli.commands.compare import Compare
+from easyhecpp.cli.commands.demo import Demo
+from easyhecpp.cli.commands.export import Export
+from easyhecpp.cli.commands.info import Info
+from easyhecpp.cli.commands.overlay import Overlay
+
+
+class Command(Protocol):
+    """A parsed command."""
+
+    def run(self, command_line: str) -> int:
+        """Do it; returns the exit code. ``command_line`` is what the user typed."""
+        ...
+
+
+def parse(words: Sequence[str]) -> Command:
+    """Parse the words after the program's name; exits with 2 and a usage line when they are off."""
+    kind = (
+        Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+        | Annotated[CheckCapture, tyro.conf.subcommand("check-capture")]
+        | Annotated[Info, tyro.conf.subcommand("info")]
+        | Annotated[Overlay, tyro.conf.subcommand("overlay")]
+        | Annotated[Export, tyro.conf.subcommand("export")]
+        | Annotated[Compare, tyro.conf.subcommand("compare")]
+        | Annotated[Demo, tyro.conf.subcommand("demo")]
+    )
+    return tyro.cli(  # type: ignore[no-any-return, call-overload]
+        kind,
+        args=list(words),
+        prog="easyhecpp",
+        description="Finds where a camera is, relative to a robot arm, from pictures of the arm.",
+        config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
+    )

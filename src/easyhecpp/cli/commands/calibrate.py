@@ -1,0 +1,95 @@
+"""``easyhecpp calibrate``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from tyro.conf import Positional
+
+from easyhecpp.cli.output import progress, say, say_json
+
+if TYPE_CHECKING:
+    from easyhecpp.formats.result_file import ResultFile
+
+FAILED = 3
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Find the camera of a capture: pose, uncertainty and verdict.
+
+    Writes result.json, report.html and an overlay of every view into a folder.
+    """
+
+    capture: Positional[Path]
+    """Folder of the capture: images, joints, intrinsics, robot; masks are optional."""
+
+    out: Path | None = None
+    """Folder for the results; the capture's name with "-calibration" in the current folder when
+    left out."""
+
+    segmenter: str = "auto"
+    """Where masks come from: auto, given, classical, or a pretrained model's name (see
+    "easyhecpp segment --help"). auto takes the capture's masks, else weights that are already on
+    this disk, else classical. It never downloads."""
+
+    first_pose: Literal["sphere", "paper"] = "sphere"
+    """Search for the first pose: all around the arm at any distance, or the paper's grid at 1 m."""
+
+    strict: bool = False
+    """Exit with 3 when the result is doubtful."""
+
+    json: bool = False
+    """Print the result file instead of a summary."""
+
+    quiet: bool = False
+    """No progress on standard error."""
+
+    def run(self, command_line: str) -> int:
+        """Calibrate, write, summarise."""
+        from easyhecpp.capture import Capture
+        from easyhecpp.session import CalibrationConfig, calibrate
+        from easyhecpp.session.save import prepare_folder, save
+
+        out = self.out or Path(f"{self.capture.resolve().name}-calibration")
+        with progress(self.quiet) as tell:
+            tell("reading the capture")
+            capture = Capture.load(self.capture)
+            prepare_folder(out)
+            found = calibrate(
+                capture,
+                CalibrationConfig(segmenter=self.segmenter, first_pose=self.first_pose),
+                progress=tell,
+                command=command_line,
+            )
+            tell("writing the results")
+            save(found, out)
+        if self.json:
+            say_json(found.result.model_dump(mode="json", by_alias=True))
+        else:
+            _summarise(found.result, found.capture.notes, out)
+        if found.result.verdict == "failed" or (self.strict and found.result.verdict != "ok"):
+            return FAILED
+        return 0
+
+
+def _summarise(result: ResultFile, notes: tuple[str, ...], out: Path) -> None:
+    for note in notes:
+        say(f"note: {note}")
+    say(f"verdict: {result.verdict}")
+    for reason in result.reasons:
+        say(f"  {reason}")
+    pose, sigma = result.T_mount_cam, result.sigma
+    if pose is not None:
+        say(f"pose of {pose.child} in {pose.parent}:")
+        say("  xyz [m]      " + "  ".join(f"{v:+.5f}" for v in pose.xyz_m))
+        say("  quat [wxyz]  " + "  ".join(f"{v:+.6f}" for v in pose.quat_wxyz))
+    if sigma is not None:
+        say(
+            f"  sigma        {sigma.position_mm:.2f} mm, {sigma.rotation_deg:.3f} deg at the camera"
+            + ("" if sigma.workspace_mm is None else f"; {sigma.workspace_mm:.2f} mm at the arm")
+        )
+    seconds = sum((result.timings_s or {}).values())
+    say(f"{len(result.views)} views, {seconds:.1f} s. Written to {out}/")

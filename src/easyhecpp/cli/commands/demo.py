@@ -1,0 +1,50 @@
+"""``easyhecpp demo``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from easyhecpp.cli.output import progress, say
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Calibrate a simulated camera whose true pose is known, and show how far off the result is."""
+
+    out: Path = Path("demo-calibration")
+    """Folder for the results."""
+
+    seed: int = 7
+    """Another seed is another scene."""
+
+    def run(self, command_line: str) -> int:
+        """Simulate, calibrate, compare with the truth."""
+        import numpy as np
+
+        from easyhecpp.geometry import pose_error
+        from easyhecpp.session import calibrate
+        from easyhecpp.session.demo import demo_scene, simulated_capture
+        from easyhecpp.session.save import prepare_folder, save
+
+        prepare_folder(self.out)
+        rng = np.random.default_rng(self.seed)
+        with progress(quiet=False) as tell:
+            tell("simulating an xArm 7 and its camera")
+            scene = demo_scene(rng)
+            found = calibrate(
+                simulated_capture(scene, rng, name="demo"), progress=tell, command=command_line
+            )
+            tell("writing the results")
+            save(found, self.out)
+        metres, radians = pose_error(found.T_mount_cam, scene.T_base_cam)
+        sigma = found.result.sigma
+        truth, pose = scene.T_base_cam[:3, 3], found.T_mount_cam[:3, 3]
+        say(f"verdict: {found.result.verdict}")
+        say("true camera position [m]   " + "  ".join(f"{v:+.5f}" for v in truth))
+        say("found camera position [m]  " + "  ".join(f"{v:+.5f}" for v in pose))
+        say(f"error: {1e3 * metres:.2f} mm, {np.degrees(radians):.3f} deg")
+        if sigma is not None:
+            say(f"stated sigma: {sigma.position_mm:.2f} mm, {sigma.rotation_deg:.3f} deg")
+        say(f"Look at {self.out / 'report.html'}.")
+        return 0

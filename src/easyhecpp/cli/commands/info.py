@@ -1,0 +1,88 @@
+"""``easyhecpp info``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tyro.conf import Positional
+
+from easyhecpp.cli.output import say, say_json
+
+
+@dataclass(frozen=True)
+class Info:
+    """Describe a robot (URDF, xacro), a capture folder or a result file."""
+
+    path: Positional[Path]
+    """A .urdf or .xacro file, a capture's folder, or a result.json."""
+
+    json: bool = False
+    """Print as JSON."""
+
+    def run(self, command_line: str) -> int:
+        """Look at what the path is and describe it."""
+        facts = _describe(self.path)
+        if self.json:
+            say_json(facts)
+        else:
+            _show(facts)
+        return 0
+
+
+def _describe(path: Path) -> dict[str, Any]:
+    if path.suffix == ".json":
+        from easyhecpp.formats.result_file import ResultFile
+
+        result = ResultFile.read(path)
+        return result.model_dump(mode="json", by_alias=True)
+    from easyhecpp.robot.describe import describe_robot
+
+    if path.suffix in (".urdf", ".xacro"):
+        from easyhecpp.robot import Robot
+
+        return {"robot": describe_robot(Robot.from_urdf(path))}
+    from easyhecpp.capture import Capture
+
+    capture = Capture.load(path)
+    camera = capture.camera
+    return {
+        "capture": {
+            "name": capture.name,
+            "setup": capture.setup,
+            "views": list(capture.view_ids),
+            "with images": sum(v.has_image for v in capture.views),
+            "with masks": sum(v.has_mask for v in capture.views),
+            "notes": list(capture.notes),
+        },
+        "camera": {
+            "frame": camera.frame,
+            "size": f"{camera.width}x{camera.height}",
+            "fx fy cx cy": [camera.fx, camera.fy, camera.cx, camera.cy],
+            "distortion": [camera.distortion_model, *camera.distortion],
+        },
+        "robot": describe_robot(capture.robot),
+    }
+
+
+def _show(facts: Any, indent: int = 0) -> None:
+    pad = "  " * indent
+    for key, value in facts.items():
+        if isinstance(value, dict):
+            say(f"{pad}{key}:")
+            _show(value, indent + 1)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            say(f"{pad}{key}:")
+            for item in value:
+                say(f"{pad}  " + ", ".join(f"{k} {_plain(v)}" for k, v in item.items()))
+        else:
+            say(f"{pad}{key}: {_plain(value)}")
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_plain(v) for v in value) or "none"
+    return "none" if value is None else str(value)

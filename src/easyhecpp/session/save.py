@@ -1,0 +1,39 @@
+"""Writes a calibration's results into a folder."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from easyhecpp.errors import InputError
+from easyhecpp.report.overlay import write_overlays
+from easyhecpp.session.calibration import Calibration
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the output folder, before any work is done.
+
+    Raises:
+        InputError: It cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(
+            "The output folder cannot be written",
+            where=folder,
+            expected="a folder that you may write to",
+            fix=f"choose another with --out ({error.strerror or error})",
+        ) from error
+
+
+def save(found: Calibration, folder: Path) -> None:
+    """Write overlays and, last of all, ``result.json``: where it stands, everything does.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    write_overlays(folder / "overlays", found.capture, found.T_mount_cam)
+    found.result.write(folder / "result.json")
