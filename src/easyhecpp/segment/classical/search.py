@@ -25,6 +25,9 @@ I32 = NDArray[np.int32]
 SEARCH_WIDTH = 80
 """Width of the images that the seeds are compared in, pixels."""
 
+SEARCH_TOLERANCE = 0.3
+"""What a pixel without change counts against a seed: seeds are off by degrees, arms are thin."""
+
 
 @dataclass(frozen=True)
 class SeedGrid:
@@ -114,7 +117,7 @@ class _Overlay:
         ).astype(np.float32)
         chosen = informative_pairs(small, changes.pairs, max_pairs)
         self.pairs = np.ascontiguousarray(changes.pairs[chosen])
-        maps = small[chosen]
+        maps = np.maximum(small[chosen], np.float32(-SEARCH_TOLERANCE))
         self.scale = 1.0 / max(float(np.maximum(maps, 0.0).sum()), 1.0)
         self.camera = scene.camera.scaled(size[0] / scene.camera.width)
         canvas_w, canvas_h = next_fast_len(2 * size[0], True), next_fast_len(2 * size[1], True)
@@ -206,26 +209,24 @@ def _explained(covers: F32, maps: F32, pairs: I32) -> tuple[float, float]:
 
 
 class PairScore:
-    """Scores poses by all pairs of views at one size."""
+    """Scores poses by all pairs of views.
 
-    def __init__(self, scene: Scene, changes: ChangeMaps, reduction: int) -> None:
+    Args:
+        scene: The arm.
+        changes: Change between pairs of views; its size is the size of the comparison.
+        tolerance: How much a pixel without change counts against a pose that moves the arm there,
+            relative to one with change: low forgives a pose that is not yet exact.
+    """
+
+    def __init__(self, scene: Scene, changes: ChangeMaps, tolerance: float) -> None:
         self.scene = scene
-        self.reduction = reduction
-        camera = scene.renderer(reduction, coarse=True).camera
-        self.pairs = changes.pairs
-        self.maps = np.stack(
-            parallel_map(
-                lambda m: cv2.resize(
-                    m, (camera.width, camera.height), interpolation=cv2.INTER_AREA
-                ),
-                changes.maps,
-            )
-        ).astype(np.float32)
+        self.changes = changes
+        self.maps = np.maximum(changes.maps, np.float32(-tolerance))
 
     def __call__(self, T_mount_cam: F64) -> float:
         """Share of the change that the arm's motion explains, at most 1."""
-        covers = self.scene.coverages(inverse(T_mount_cam), self.reduction, coarse=True)
-        total, available = _explained(covers, self.maps, self.pairs)
+        covers = self.scene.coverages(inverse(T_mount_cam), self.changes.reduction, coarse=True)
+        total, available = _explained(covers, self.maps, self.changes.pairs)
         return total / max(available, 1.0)
 
 
