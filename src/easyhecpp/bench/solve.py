@@ -13,7 +13,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -233,7 +233,7 @@ def solve_table(bench: SolveBench) -> Table:
             continue
         summary = summarise([row.error for row in rows])
         low, high = summary.failure_interval
-        found = [row for row in rows if row.chi_square is not None]
+        chi_squares = [row.chi_square for row in rows if row.chi_square is not None]
         lines.append(
             (
                 case.name,
@@ -245,13 +245,13 @@ def solve_table(bench: SolveBench) -> Table:
                 summary.rotation_deg.mean,
                 summary.rotation_deg.median,
                 summary.rotation_deg.p95,
-                100.0 * ellipsoid_share([row.chi_square for row in found]),
-                float(np.median([row.first_pose_s for row in found])) if found else None,
-                float(np.median([row.solve_s for row in found])) if found else None,
+                100.0 * ellipsoid_share(chi_squares),
+                _median([row.first_pose_s for row in rows]),
+                _median([row.solve_s for row in rows]),
             )
         )
     return Table(
-        title=f"{bench.robot}, {bench_size(bench)} simulated scenes, seed {bench.seed}",
+        title=f"{bench.robot}, {_scene_count(bench)} simulated scenes, seed {bench.seed}",
         columns=(
             "masks",
             "views",
@@ -275,7 +275,12 @@ def solve_table(bench: SolveBench) -> Table:
     )
 
 
-def bench_size(bench: SolveBench) -> int:
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def _scene_count(bench: SolveBench) -> int:
     """Number of scenes."""
     return len({row.scene for row in bench.rows})
 
@@ -372,13 +377,13 @@ def _run_case(job: _Job, scene: SimScene, index: int, case: Case, made: _Masks) 
         Observation(joints=scene.joints[view], mask=made.masks[view], id=str(view))
         for view in views
     ]
-    row = {"scene": index, "case": case.name, "n_views": len(views), "sigma_px": made.sigma_px}
+    row = SolveRow(scene=index, case=case.name, n_views=len(views), sigma_px=made.sigma_px)
     try:
         outcome = job.calibrate(Rig(scene.robot), scene.camera, observations)
     except EasyHecError as error:
-        return SolveRow(**row, status=str(error))
-    return SolveRow(
-        **row,
+        return replace(row, status=str(error))
+    return replace(
+        row,
         error=PoseError.between(outcome.T_mount_cam, scene.T_base_cam),
         first_error=PoseError.between(outcome.T_mount_cam_first, scene.T_base_cam),
         chi_square=chi_square(outcome.T_mount_cam, outcome.covariance, scene.T_base_cam),

@@ -9,7 +9,7 @@ import contourpy
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -137,7 +137,7 @@ def draw_noise(
 
 def as_mask(truth: Truth) -> Mask:
     """(H, W) bool: pixels that are inside, or covered by more than half."""
-    return truth if truth.dtype == np.bool_ else truth > 0.5
+    return truth > 0.5
 
 
 def _level_function(truth: Truth) -> F64:
@@ -172,7 +172,7 @@ def _nearest(
         return np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
     points = np.concatenate([contour.points for contour in contours])
     preceding, following = _neighbours(contours)
-    nearest = cKDTree(points).query(pixels)[1]
+    nearest = KDTree(points).query(pixels)[1]
     # The nearest bit of the polyline ends at the nearest point, or starts there.
     ending = _to_segment(pixels, points[preceding[nearest]], points[nearest])
     starting = _to_segment(pixels, points[nearest], points[following[nearest]])

@@ -6,7 +6,7 @@ is made to wander (`easyhecpp.sim.masks`), so that the faults' outlines wander t
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,8 @@ def add_blob(truth: AnyMask, rng: np.random.Generator, area_fraction: float = 0.
     ratio = distance / profile
     scale = np.partition(ratio[~mask], added)[added]
     blob = np.clip(scale * profile - distance + 0.5, 0.0, 1.0).astype(np.float32)
-    return np.maximum(truth, blob > 0.5 if truth.dtype == np.bool_ else blob)
+    added_to = np.maximum(truth, blob > 0.5 if truth.dtype == np.bool_ else blob)
+    return cast(AnyMask, added_to)
 
 
 def punch_holes(

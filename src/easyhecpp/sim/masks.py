@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.errors import InputError
-from easyhecpp.sim.boundary import Mask, Truth, as_mask, draw_noise, find_band, find_contours
+from easyhecpp.sim.boundary import (
+    Contour,
+    Mask,
+    Truth,
+    as_mask,
+    draw_noise,
+    find_band,
+    find_contours,
+)
 
 F64 = NDArray[np.float64]
 
@@ -103,7 +111,7 @@ def degrade_mask(
     return degrade_masks([truth], rng, Degradation(iou, correlation_px, bias_px)).masks[0]
 
 
-def _largest_sigma(truths: Sequence[Truth], contours: Sequence[list], iou: float) -> float:
+def _largest_sigma(truths: Sequence[Truth], contours: Sequence[list[Contour]], iou: float) -> float:
     """An upper bound for the standard deviation that leads to this IoU.
 
     While displacements are small against the arm's width, each view's IoU is one minus length of
