@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.render._jit import jit, jit_inline
+from easyhecpp.render._jit import jit
 from easyhecpp.render._project import distort
 
 F32 = NDArray[np.float32]
@@ -36,7 +36,7 @@ def _pixel(
     return fc[0] * xd + fc[2], fc[1] * yd + fc[3]
 
 
-@jit_inline
+@jit
 def _emit(
     n: int,
     weight: int,
@@ -60,13 +60,10 @@ def _emit(
 
     Nothing is written past the capacity, but the count goes on, so the caller knows what it needs.
     """
+    u0, v0 = _pixel(ax, ay, az, fc, model, k, valid_radius)
+    u1, v1 = _pixel(bx, by, bz, fc, model, k, valid_radius)
     pieces = 1
-    if model == 0:
-        u0, v0 = fc[0] * (ax / az) + fc[2], fc[1] * (ay / az) + fc[3]
-        u1, v1 = fc[0] * (bx / bz) + fc[2], fc[1] * (by / bz) + fc[3]
-    else:
-        u0, v0 = _pixel(ax, ay, az, fc, model, k, valid_radius)
-        u1, v1 = _pixel(bx, by, bz, fc, model, k, valid_radius)
+    if model != 0:
         pieces = min(64, 1 + int(np.sqrt((u1 - u0) ** 2 + (v1 - v0) ** 2) / PIECE_PX))
     ua, va = u0, v0
     xa, ya, za = ax, ay, az
@@ -200,6 +197,9 @@ def contour_segments(
     n = 0
     n_faces = planes.shape[1]
     sides[n_faces] = 0
+    fx, fy, px, py = fc[0], fc[1], fc[2], fc[3]
+    bent = model != 0
+    capacity = segments.shape[0]
     for link in range(Ts_cam_link.shape[0]):
         T = Ts_cam_link[link]
         v0, v1 = vertex_start[link], vertex_start[link + 1]
@@ -238,9 +238,22 @@ def contour_segments(
                     points[v, 1] = r10 * x + r11 * y + r12 * z + ty
                     points[v, 2] = r20 * x + r21 * y + r22 * z + tz
             a, b = edges[e, 0], edges[e, 1]
-            n = _emit(
-                n, w, link, points[a, 0], points[a, 1], points[a, 2],
-                points[b, 0], points[b, 1], points[b, 2],
-                fc, model, k, valid_radius, segments, ends, weights, links,
-            )  # fmt: skip
+            ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
+            bx, by, bz = points[b, 0], points[b, 1], points[b, 2]
+            if bent:
+                n = _emit(
+                    n, w, link, ax, ay, az, bx, by, bz,
+                    fc, model, k, valid_radius, segments, ends, weights, links,
+                )  # fmt: skip
+                continue
+            # What _emit does for a straight edge. A call with so many arrays takes longer than
+            # all the rest of this loop.
+            if n < capacity:
+                segments[n, 0], segments[n, 1] = fx * (ax / az) + px, fy * (ay / az) + py
+                segments[n, 2], segments[n, 3] = fx * (bx / bz) + px, fy * (by / bz) + py
+                ends[n, 0], ends[n, 1], ends[n, 2] = ax, ay, az
+                ends[n, 3], ends[n, 4], ends[n, 5] = bx, by, bz
+                weights[n] = w
+                links[n] = link
+            n += 1
     return n

@@ -62,8 +62,3 @@ CACHE = _cache_usable()
 def jit(function: F) -> F:
     """Compile ``function`` with numba: releases the GIL, is cached where a cache can be kept."""
     return numba.njit(cache=CACHE, nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
-
-
-def jit_inline(function: F) -> F:
-    """Like :func:`jit`, pasted into the caller: passing many arrays costs more than a short body."""
-    return numba.njit(inline="always", nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
