@@ -7,8 +7,9 @@ from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, transform_points
 from easyhecpp.render.reference import reference_coverage
 from easyhecpp.robot import Robot
+from easyhecpp.sim.arm_surface import sample_surface
 from easyhecpp.sim.robots import load_robot
-from easyhecpp.sim.scenes import SimScene, random_scene, sample_surface
+from easyhecpp.sim.scenes import SimScene, random_scene
 
 SMALL = {"width": 320, "height": 180, "focal": 225.0}
 
