@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -92,15 +93,17 @@ class KinematicTree:
         return moved
 
 
-def build_tree(urdf: Urdf) -> KinematicTree:
+def build_tree(urdf: Urdf, path: Path) -> KinematicTree:
     """Fold the fixed joints and the mimic rules of a URDF into a `KinematicTree`.
+
+    `path` is only used in error texts.
 
     Raises:
         InputError: a mimic rule names an unknown or fixed joint, or goes in a circle.
     """
     actuated = [j for j in urdf.joints if j.moves and j.mimic is None]
     moving = [j for j in _parents_first(urdf) if j.moves]
-    rules = [_mimic_rule(j, urdf) for j in moving]
+    rules = [_mimic_rule(j, urdf, path) for j in moving]
     index_of = {j.name: i for i, j in enumerate(actuated)}
     moving_index = {j.child: m for m, j in enumerate(moving)}
 
@@ -149,7 +152,7 @@ def _parents_first(urdf: Urdf) -> list[UrdfJoint]:
     return ordered
 
 
-def _mimic_rule(joint: UrdfJoint, urdf: Urdf) -> tuple[str, float, float]:
+def _mimic_rule(joint: UrdfJoint, urdf: Urdf, path: Path) -> tuple[str, float, float]:
     """The actuated joint that drives a joint, and `value = k * q + b`, chains folded."""
     by_name = {j.name: j for j in urdf.joints}
     k, b, seen = 1.0, 0.0, [joint.name]
@@ -158,12 +161,14 @@ def _mimic_rule(joint: UrdfJoint, urdf: Urdf) -> tuple[str, float, float]:
         if source is None or not source.moves:
             what = "does not exist" if source is None else "is fixed"
             raise InputError(
-                f"joint '{seen[-1]}' mimics the joint '{mimic.joint}', which {what}",
+                f"Joint '{seen[-1]}' mimics the joint '{mimic.joint}', which {what}",
+                where=path,
                 expected=f"one of {', '.join(j.name for j in urdf.joints if j.moves)}",
             )
         if mimic.joint in seen:
             raise InputError(
-                f"the joints {' -> '.join([*seen, mimic.joint])} mimic each other in a circle",
+                f"The joints {' -> '.join([*seen, mimic.joint])} mimic each other in a circle",
+                where=path,
                 expected="a mimic chain that ends at a joint without <mimic>",
             )
         k, b = k * mimic.multiplier, b + k * mimic.offset

@@ -14,8 +14,8 @@ from easyhecpp.robot.kinematics import build_tree
 from easyhecpp.robot.link_mesh import LinkMesh
 from easyhecpp.robot.mesh_files import Triangles, concatenate, read_mesh
 from easyhecpp.robot.resolve import FileFinder
-from easyhecpp.robot.robot import Robot, check_known
-from easyhecpp.robot.urdf import Shape, Urdf, UrdfLink, parse_urdf
+from easyhecpp.robot.robot import Robot, check_links
+from easyhecpp.robot.urdf import Shape, Urdf, parse_urdf
 
 GEOMETRIES = ("visual", "collision")
 
@@ -32,13 +32,13 @@ def load_robot(
     ignored = tuple(ignore_links)
     if geometry not in GEOMETRIES:
         raise InputError(
-            f"unknown geometry '{geometry}'", expected=f"one of {', '.join(GEOMETRIES)}"
+            f"Unknown geometry '{geometry}'", expected=f"one of {', '.join(GEOMETRIES)}"
         )
     finder = FileFinder(path, package_dirs)
     urdf = parse_urdf(_read_description(path, package_dirs), path)
-    check_known(ignored, tuple(urdf.links), "link to ignore,")
+    check_links(ignored, tuple(urdf.links), "ignore_links")
     if base_link is not None:
-        check_known([base_link], tuple(urdf.links), "base link")
+        check_links([base_link], tuple(urdf.links), "base_link")
 
     shapes = {n: getattr(k, geometry) for n, k in urdf.links.items() if n not in ignored}
     shapes = {name: s for name, s in shapes.items() if s}
@@ -47,7 +47,7 @@ def load_robot(
     files = _find_files(shapes, finder, urdf, geometry, path)
     meshes = _load_meshes(shapes, files)
 
-    tree = build_tree(urdf)
+    tree = build_tree(urdf, path)
     actuated = [j for j in urdf.joints if j.moves and j.mimic is None]
     limits = np.array([[j.lower, j.upper] for j in actuated]).reshape(-1, 2).T.copy()
     limits.setflags(write=False)
@@ -69,25 +69,26 @@ def load_robot(
 def default_base(urdf: Urdf) -> str:
     """The first link with geometry met when walking down from the root through fixed joints.
 
-    Breadth first, siblings in document order; the root itself when there is no such link. Visual
-    and collision geometry both count, so that the base does not depend on which one is used.
+    Breadth first, siblings in the order in which the links stand in the file. Visual geometry
+    decides; collision geometry counts when no link on the way has a visual one, and the root is
+    the base when none has any.
     """
-    queue = [urdf.root]
-    for name in queue:
-        if _has_geometry(urdf.links[name]):
-            return name
-        queue += [j.child for j in urdf.joints if j.parent == name and j.type == "fixed"]
+    order = list(urdf.links)
+    reached = [urdf.root]
+    for name in reached:
+        below = [j.child for j in urdf.joints if j.parent == name and j.type == "fixed"]
+        reached += sorted(below, key=order.index)
+    for kind in GEOMETRIES:
+        for name in reached:
+            if getattr(urdf.links[name], kind):
+                return name
     return urdf.root
-
-
-def _has_geometry(link: UrdfLink) -> bool:
-    return bool(link.visual or link.collision)
 
 
 def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike]) -> bytes:
     if not path.is_file():
         raise InputError(
-            "the robot description does not exist", where=str(path), expected="a .urdf or .xacro"
+            "The robot description does not exist", where=path, expected="a .urdf or .xacro"
         )
     if path.suffix == ".xacro":
         from easyhecpp.robot.xacro import expand_xacro
@@ -123,14 +124,14 @@ def _find_files(
             f"{len(missing)} mesh file{'s are' if len(missing) > 1 else ' is'} missing:\n  "
             + "\n  ".join(lines)
             + "\n",
-            where=str(path),
+            where=path,
             fix=_missing_fix(urdf, finder, geometry),
         )
     return files
 
 
 def _missing_fix(urdf: Urdf, finder: FileFinder, geometry: str) -> str:
-    fix = "give the folder that holds the packages (package_dirs), or ignore the links"
+    fix = "Give the folder that holds the packages (package_dirs), or ignore the links"
     collisions = [s.filename for k in urdf.links.values() for s in k.collision if s.filename]
     if geometry == "visual" and collisions and all(finder.find(f)[0] for f in collisions):
         fix += "; the collision meshes are all there: geometry='collision' would use them"
@@ -152,7 +153,7 @@ def _load_meshes(
         mesh = LinkMesh.from_triangles(*concatenate(pieces), error=error)
         if len(mesh.faces) == 0:
             raise InputError(
-                "the mesh is empty: all its triangles are degenerate", where=link_shapes[0].where
+                "The mesh is empty: all its triangles are degenerate", where=link_shapes[0].where
             )
         meshes.append(mesh)
     return tuple(meshes)
@@ -177,9 +178,9 @@ def _no_geometry(urdf: Urdf, ignored: Sequence[str], geometry: str, path: Path) 
     other = "collision" if geometry == "visual" else "visual"
     has_other = any(getattr(k, other) for n, k in urdf.links.items() if n not in ignored)
     return InputError(
-        f"no link has {geometry} geometry" + (" that is not ignored" if ignored else ""),
-        where=str(path),
-        fix=f"it has {other} geometry: use geometry='{other}'" if has_other else None,
+        f"No link has {geometry} geometry" + (" that is not ignored" if ignored else ""),
+        where=path,
+        fix=f"It has {other} geometry: use geometry='{other}'" if has_other else None,
     )
 
 

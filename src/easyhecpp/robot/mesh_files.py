@@ -23,6 +23,14 @@ Triangles = tuple[np.ndarray, np.ndarray]
 _STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _STL_HEADER_BYTES = 84
 
+# Parts of a COLLADA file that say nothing about shape. A mistake in one of them, such as a material
+# that does not exist, would make pycollada drop the geometry that uses it.
+_COLLADA_LOOKS = re.compile(
+    rb"<(bind_material|library_(?:images|effects|materials|lights|cameras|animations))\b[^>]*"
+    rb"(?<!/)>.*?</\1>",
+    re.DOTALL,
+)
+
 
 def read_mesh(path: Path) -> Triangles:
     """Read a mesh file.
@@ -43,10 +51,10 @@ def read_mesh(path: Path) -> Triangles:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(
-            f"the mesh format '{path.suffix}' is not known",
-            where=str(path),
+            f"The mesh format '{path.suffix}' is not known",
+            where=path,
             expected=f"one of {', '.join(SUFFIXES)}",
-            fix="convert the mesh, for example to STL",
+            fix="Convert the mesh, for example to STL",
         )
     try:
         data = path.read_bytes()
@@ -60,16 +68,16 @@ def read_mesh(path: Path) -> Triangles:
         raise
     except Exception as error:  # parsers of foreign files raise anything
         raise InputError(
-            f"the mesh cannot be read: {error}", where=str(path), expected=f"a valid {suffix} file"
+            f"The mesh cannot be read: {error}", where=path, expected=f"a valid {suffix} file"
         ) from error
     if len(faces) == 0:
         raise InputError(
-            "the mesh is empty: it has no triangles",
-            where=str(path),
-            fix="export it again, or ignore the link",
+            "The mesh is empty: it has no triangles",
+            where=path,
+            fix="Export it again, or ignore the link",
         )
     if not np.isfinite(vertices).all():
-        raise InputError("the mesh has vertices that are not finite numbers", where=str(path))
+        raise InputError("The mesh has vertices that are not finite numbers", where=path)
     return vertices, faces
 
 
@@ -94,19 +102,16 @@ def _read_collada(data: bytes, path: Path) -> Triangles:
     refuse_dtd(data, path)
     from collada import Collada, common  # 0.2 s, only for robots that use it
 
-    # Broken materials and missing textures do not matter for shapes.
     ignored = [common.DaeUnsupportedError, common.DaeBrokenRefError]
-    document = Collada(io.BytesIO(data), ignore=ignored)
+    document = Collada(io.BytesIO(_COLLADA_LOOKS.sub(b"", data)), ignore=ignored)
     if document.scene is None:
         raise ValueError("it has no scene")
     pieces = []
-    for geometry in document.scene.objects("geometry"):
-        mirrored = np.linalg.det(geometry.matrix[:3, :3]) < 0
-        for primitive in geometry.primitives():
+    for placed in document.scene.objects("geometry"):
+        for primitive in placed.original.primitives:
             triangles = _collada_triangles(primitive)
             if triangles is not None:
-                vertices, faces = triangles
-                pieces.append((vertices, faces[:, ::-1] if mirrored else faces))
+                pieces.append(_transformed(placed.matrix, *triangles))
     vertices, faces = concatenate(pieces)
     return vertices * (document.assetInfo.unitmeter or 1.0), faces
 
@@ -130,10 +135,15 @@ def _read_with_trimesh(path: Path) -> Triangles:
         transform, geometry = scene.graph[name]
         mesh = scene.geometry[geometry]
         if isinstance(mesh, trimesh.Trimesh):
-            vertices = mesh.vertices @ transform[:3, :3].T + transform[:3, 3]
-            mirrored = np.linalg.det(transform[:3, :3]) < 0
-            pieces.append((vertices, mesh.faces[:, ::-1] if mirrored else mesh.faces))
+            pieces.append(_transformed(transform, mesh.vertices, mesh.faces))
     return concatenate(pieces)
+
+
+def _transformed(T: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> Triangles:
+    """Vertices through an affine transform; one that mirrors has the faces walked backwards."""
+    T = np.asarray(T, np.float64)
+    mirrored = np.linalg.det(T[:3, :3]) < 0
+    return vertices @ T[:3, :3].T + T[:3, 3], faces[:, ::-1] if mirrored else faces
 
 
 def concatenate(pieces: list[Triangles]) -> Triangles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -138,7 +139,7 @@ class Robot:
         Returns:
             (..., 4, 4) T_base_frame.
         """
-        check_known([frame], self.frame_names, "link")
+        check_links([frame], self.frame_names, "frame")
         return self._poses(q, np.array([self.frame_names.index(frame)]))[..., 0, :, :]
 
     def centre(self, q: np.ndarray) -> np.ndarray:
@@ -175,13 +176,13 @@ class Robot:
             InputError: a name is unknown, or no geometry would be left.
         """
         names = tuple(names)
-        check_known(names, self.frame_names, "link")
+        check_links(names, self.frame_names, "links to leave out")
         kept = [i for i, name in enumerate(self.link_names) if name not in names]
         if not kept:
             raise InputError(
-                "no link with geometry is left",
+                "No link with geometry is left",
                 expected=f"at least one of {', '.join(self.link_names)}",
-                fix="ignore fewer links",
+                fix="Ignore fewer links",
             )
         return replace(
             self,
@@ -211,20 +212,24 @@ class Robot:
         q = np.asarray(q, dtype=np.float64)
         if q.ndim == 0 or q.shape[-1] != self.n_joints:
             raise InputError(
-                f"joint values have the shape {q.shape}",
+                f"Joint values have the shape {q.shape}",
                 expected=f"(..., {self.n_joints}) for the joints {', '.join(self.joint_names)}",
             )
+        if not np.isfinite(q).all():
+            raise InputError("Joint values are not finite", expected="radians and metres")
         base = self.frame_names.index(self.base_link)
-        Ts_root_frame = self.tree.frame_poses(q.reshape(-1, self.n_joints), np.append(frames, base))
+        batch = q.reshape(math.prod(q.shape[:-1]), self.n_joints)
+        Ts_root_frame = self.tree.frame_poses(batch, np.append(frames, base))
         Ts_base_frame = se3.inverse(Ts_root_frame[:, -1:]) @ Ts_root_frame[:, :-1]
         return Ts_base_frame.reshape(*q.shape[:-1], len(frames), 4, 4)
 
 
-def check_known(names: Iterable[str], known: Sequence[str], what: str) -> None:
-    """Raise an `InputError` that lists the known names when one of `names` is not among them."""
+def check_links(names: Iterable[str], known: Sequence[str], where: str) -> None:
+    """Raise an `InputError` that lists the known links when one of `names` is not among them."""
     unknown = [name for name in names if name not in known]
     if unknown:
         raise InputError(
-            f"unknown {what}{'s' if len(unknown) > 1 else ''} {', '.join(map(repr, unknown))}",
+            f"No link is called {' or '.join(map(repr, unknown))}",
+            where=where,
             expected=f"one of {', '.join(known)}",
         )

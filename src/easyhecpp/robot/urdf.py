@@ -98,15 +98,20 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
     element = _parse_xml(data, path)
     if element.tag != "robot":
         raise InputError(
-            f"the file is not a URDF: its root element is <{element.tag}>",
-            where=str(path),
+            f"The file is not a URDF: its root element is <{element.tag}>",
+            where=path,
             expected="a <robot> element",
-            fix="give a URDF or a xacro file; convert SDF and MJCF models first",
+            fix="Give a URDF or a xacro file; convert SDF and MJCF models first",
         )
     links = _unique((_read_link(e, path) for e in element.findall("link")), "link", path)
     joints = _unique((_read_joint(e, path) for e in element.findall("joint")), "joint", path)
     if not links:
-        raise InputError("the URDF has no links", where=str(path), expected="<link> elements")
+        raise InputError(
+            "The URDF has no links",
+            where=path,
+            expected="<link> elements",
+            fix="If it is a xacro file, give it the suffix .xacro" if b"xacro" in data else None,
+        )
     root = _check_tree(links, list(joints.values()), path)
     return Urdf(element.get("name") or path.stem, links, tuple(joints.values()), root)
 
@@ -124,11 +129,11 @@ def refuse_dtd(data: bytes, path: Path) -> None:
 
     def on_doctype(*_: object) -> None:
         raise InputError(
-            "the file has a document type declaration (<!DOCTYPE ...>), which is refused because "
+            "The file has a document type declaration (<!DOCTYPE ...>), which is refused because "
             "entities in it could expand without end or read other files",
-            where=str(path),
+            where=path,
             expected="plain XML without <!DOCTYPE> and <!ENTITY>",
-            fix="remove the declaration and write its entities out",
+            fix="Remove the declaration and write its entities out",
         )
 
     def on_element(*_: object) -> None:
@@ -139,8 +144,14 @@ def refuse_dtd(data: bytes, path: Path) -> None:
     parser.StartElementHandler = on_element
     try:
         parser.Parse(data, True)
-    except (_PrologEndedError, expat.ExpatError):
-        return  # bad XML is the reader's to report
+    except _PrologEndedError:
+        return
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise _not_xml(error, path) from error
+
+
+def _not_xml(error: Exception, path: Path) -> InputError:
+    return InputError(f"The file is not valid XML: {error}", where=path, expected="an XML file")
 
 
 def _parse_xml(data: bytes, path: Path) -> ET.Element:
@@ -148,9 +159,7 @@ def _parse_xml(data: bytes, path: Path) -> ET.Element:
     try:
         return ET.fromstring(data)
     except ET.ParseError as error:
-        raise InputError(
-            f"the file is not valid XML: {error}", where=str(path), expected="a URDF (XML) file"
-        ) from error
+        raise _not_xml(error, path) from error
 
 
 def _unique(items: Iterable, what: str, path: Path) -> dict:
@@ -158,8 +167,8 @@ def _unique(items: Iterable, what: str, path: Path) -> dict:
     for item in items:
         if item.name in named:
             raise InputError(
-                f"two {what}s are called '{item.name}'",
-                where=str(path),
+                f"Two {what}s are called '{item.name}'",
+                where=path,
                 expected=f"each {what} name once",
             )
         named[item.name] = item
@@ -181,7 +190,7 @@ def _read_shape(element: ET.Element, where: str) -> Shape:
     inner = None if geometry is None else next(iter(geometry), None)
     if inner is None:
         raise InputError(
-            "a shape has no geometry", where=where, expected=f"one of {', '.join(SHAPE_KINDS)}"
+            "A shape has no geometry", where=where, expected=f"one of {', '.join(SHAPE_KINDS)}"
         )
     filename = None
     if inner.tag == "mesh":
@@ -197,10 +206,10 @@ def _read_shape(element: ET.Element, where: str) -> Shape:
         size = _numbers(inner, "radius", where)
     else:
         raise InputError(
-            f"geometry <{inner.tag}> is not supported",
+            f"Geometry <{inner.tag}> is not supported",
             where=where,
             expected=f"one of {', '.join(SHAPE_KINDS)}",
-            fix="replace it by a mesh",
+            fix="Replace it by a mesh",
         )
     _check_size(inner.tag, size, where)
     return Shape(inner.tag, _read_origin(element, where), size, filename, where)
@@ -212,7 +221,7 @@ def _check_size(kind: str, size: tuple[float, ...], where: str) -> None:
     if wrong:
         expected = "a scale of 3 numbers other than 0" if kind == "mesh" else "sizes above 0"
         raise InputError(
-            f"the size of a {kind} is {' '.join(f'{s:g}' for s in size)}",
+            f"The size of a {kind} is {' '.join(f'{s:g}' for s in size)}",
             where=where,
             expected=expected,
         )
@@ -224,23 +233,23 @@ def _read_joint(element: ET.Element, path: Path) -> UrdfJoint:
     joint_type = _attribute(element, "type", where)
     if joint_type not in (*MOVING_TYPES, "fixed"):
         raise InputError(
-            f"joint '{name}' is of type '{joint_type}', which is not supported",
-            where=str(path),
+            f"Joint '{name}' is of type '{joint_type}', which is not supported",
+            where=path,
             expected=f"one of {', '.join(MOVING_TYPES)}, fixed",
-            fix="make it fixed if the part does not move between views",
+            fix="Make it fixed if the part does not move between views",
         )
     ends = {}
     for end in ("parent", "child"):
         child = element.find(end)
         if child is None:
-            raise InputError(f"joint '{name}' has no <{end}>", where=str(path))
+            raise InputError(f"Joint '{name}' has no <{end}>", where=path)
         ends[end] = _attribute(child, "link", f"{where}, <{end}>")
     axis = np.array([1.0, 0.0, 0.0])
     if (axis_element := element.find("axis")) is not None:
         axis = np.array(_numbers(axis_element, "xyz", where, count=3, default=(1.0, 0.0, 0.0)))
     norm = float(np.linalg.norm(axis))
     if joint_type != "fixed" and norm < 1e-9:
-        raise InputError(f"the axis of joint '{name}' has no length", where=str(path))
+        raise InputError(f"The axis of joint '{name}' has no length", where=path)
     mimic = _read_mimic(element, where)
     lower, upper = _read_limits(element, name, joint_type, mimic is not None, path)
     return UrdfJoint(
@@ -276,18 +285,18 @@ def _read_limits(
         return 0.0, 0.0
     if limit is None:
         raise InputError(
-            f"the {joint_type} joint '{name}' has no <limit>",
-            where=str(path),
+            f"The {joint_type} joint '{name}' has no <limit>",
+            where=path,
             expected='<limit lower="..." upper="..."/> in radians or metres',
-            fix="add the limits, or make the joint 'continuous' if it turns without end",
+            fix="Add the limits, or make the joint 'continuous' if it turns without end",
         )
     where = f"{path}, joint '{name}', <limit>"
     (lower,) = _numbers(limit, "lower", where, count=1, default=(0.0,))
     (upper,) = _numbers(limit, "upper", where, count=1, default=(0.0,))
     if lower > upper:
         raise InputError(
-            f"the lower limit {lower:g} of joint '{name}' is above its upper limit {upper:g}",
-            where=str(path),
+            f"The lower limit {lower:g} of joint '{name}' is above its upper limit {upper:g}",
+            where=path,
         )
     return lower, upper
 
@@ -319,7 +328,7 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
 def _attribute(element: ET.Element, name: str, where: str) -> str:
     value = element.get(name)
     if not value:
-        raise InputError(f"the attribute '{name}' is missing", where=where)
+        raise InputError(f"The attribute '{name}' is missing", where=where)
     return value
 
 
@@ -354,15 +363,15 @@ def _check_tree(links: dict[str, UrdfLink], joints: list[UrdfJoint], path: Path)
         for end in (joint.parent, joint.child):
             if end not in links:
                 raise InputError(
-                    f"joint '{joint.name}' names the link '{end}', which does not exist",
-                    where=str(path),
+                    f"Joint '{joint.name}' names the link '{end}', which does not exist",
+                    where=path,
                     expected=f"one of the links: {', '.join(links)}",
                 )
         if joint.child in parent_joint:
             raise InputError(
-                f"link '{joint.child}' has two parents: it is the child of the joints "
+                f"Link '{joint.child}' has two parents: it is the child of the joints "
                 f"'{parent_joint[joint.child].name}' and '{joint.name}'",
-                where=str(path),
+                where=path,
                 expected="a tree; a closed chain has to be cut at one joint",
             )
         parent_joint[joint.child] = joint
@@ -371,10 +380,10 @@ def _check_tree(links: dict[str, UrdfLink], joints: list[UrdfJoint], path: Path)
     roots = [link for link in links if link not in parent_joint]
     if len(roots) != 1:
         raise InputError(
-            f"the links form {len(roots)} separate trees, with the roots {', '.join(roots)}",
-            where=str(path),
+            f"The links form {len(roots)} separate trees, with the roots {', '.join(roots)}",
+            where=path,
             expected="one tree",
-            fix="connect them by fixed joints, or remove what is not used",
+            fix="Connect them by fixed joints, or remove what is not used",
         )
     return roots[0]
 
@@ -385,8 +394,8 @@ def _check_no_loop(link: str, parent_joint: dict[str, UrdfJoint], path: Path) ->
         if joint.parent in seen:
             loop = seen[seen.index(joint.parent) :]
             raise InputError(
-                f"the links {' <- '.join([*loop, loop[0]])} form a loop",
-                where=str(path),
+                f"The links {' <- '.join([*loop, loop[0]])} form a loop",
+                where=path,
                 expected="a tree with one root",
             )
         seen.append(joint.parent)
