@@ -8,6 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
+from threadpoolctl import ThreadpoolController
+
 A = TypeVar("A")
 B = TypeVar("B")
 
@@ -25,6 +27,11 @@ def _pool(owner: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=usable_cores(), thread_name_prefix="easyhecpp")
 
 
+@cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
 def parallel_map(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
     """``[function(i) for i in items]`` on all usable cores, in order; errors are raised here.
 
@@ -33,5 +40,7 @@ def parallel_map(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
     todo = list(items)
     if len(todo) < 2 or usable_cores() == 1:
         return [function(item) for item in todo]
-    # Keyed by process: the threads of a pool do not survive a fork.
-    return list(_pool(os.getpid()).map(function, todo))
+    # Keyed by process: the threads of a pool do not survive a fork. BLAS keeps to one thread
+    # meanwhile: its threads on top of ours would wait for each other.
+    with _blas().limit(limits=1, user_api="blas"):
+        return list(_pool(os.getpid()).map(function, todo))

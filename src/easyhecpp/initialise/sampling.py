@@ -20,7 +20,7 @@ from easyhecpp._parallel import parallel_map, usable_cores
 from easyhecpp.camera import Camera
 from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, pose_error, rotation_angle
-from easyhecpp.initialise._overlap import overlap
+from easyhecpp.initialise._seed_kernel import fit_seeds, overlap
 from easyhecpp.initialise.seeds import default_seeds, paper_seeds
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
@@ -103,12 +103,11 @@ def sample_initial_pose(
     clock = time.perf_counter()
     seeds = _seeds(rig, problem, config, rng)
     if config.grid == "paper":
-        scored = _score_all(_SeedScorer(problem, len(problem)), list(seeds), rounds=0)
-        shortlist = scored[:1]
+        shortlist = _SeedScorer(problem, len(problem)).rank(seeds, rounds=0)[:1]
     else:
-        first = _score_all(_SeedScorer(problem, _SEED_VIEWS), list(seeds), rounds=3)
-        again = [T for T, _ in first[:_SHORTLIST]]
-        shortlist = _score_all(_SeedScorer(problem, _SHORTLIST_VIEWS), again, rounds=2)
+        first = _SeedScorer(problem, _SEED_VIEWS).rank(seeds, rounds=3)
+        again = np.stack([T for T, _ in first[:_SHORTLIST]])
+        shortlist = _SeedScorer(problem, _SHORTLIST_VIEWS).rank(again, rounds=2)
     timings["seeds"] = time.perf_counter() - clock
     clock = time.perf_counter()
     reduction = _seed_reduction(camera)
@@ -155,59 +154,33 @@ class _SeedScorer:
     """
 
     def __init__(self, problem: PoseProblem, n_views: int) -> None:
-        self.reduction = _seed_reduction(problem.camera)
-        self.renderer: SilhouetteRenderer = problem.renderer(self.reduction)
-        self.problem = problem
-        masks = [m.level(self.reduction)[0] for m in problem.masks]
-        chosen = _unlike_views(problem.Ts_mount_link, n_views)
-        self.views = chosen
-        self.masks = [masks[v] for v in chosen]
-        self.observed = np.array([overlap(m, m)[:3] for m in self.masks])
+        reduction = _seed_reduction(problem.camera)
+        views = _unlike_views(problem.Ts_mount_link, n_views)
+        self._renderer: SilhouetteRenderer = problem.renderer(reduction)
+        self._poses = np.ascontiguousarray(problem.Ts_mount_link[views])
+        self._masks = np.stack([problem.masks[v].level(reduction)[0] for v in views])
+        self._observed = np.array([overlap(m, m)[:3] for m in self._masks])
+        self._centre = problem.centre_mount
 
-    def fit(self, T_mount_cam: F64, rounds: int) -> tuple[F64, float]:
-        """Returns the adapted ``T_mount_cam`` and its mean IoU."""
-        T = inverse(T_mount_cam)
-        best, best_score = T, -1.0
-        for i in range(rounds + 1):
-            seen = self._look(T)
-            score = float(np.mean(seen[:, 3] / np.maximum(seen[:, 4], 1e-9)))
-            if score > best_score:
-                best, best_score = T, score
-            if i < rounds:
-                T = self._adapted(T, seen)
-        return inverse(best), best_score
+    def rank(self, Ts_mount_cam: F64, rounds: int) -> list[tuple[F64, float]]:
+        """The adapted poses with their mean IoU, best first."""
+        n = usable_cores()
+        chunks = [inverse(Ts_mount_cam[i::n]) for i in range(n) if len(Ts_mount_cam[i::n])]
+        scores = parallel_map(lambda chunk: self._fit(chunk, rounds), chunks)
+        # Back to the order of the seeds, so that the ranking does not depend on the cores.
+        found = [(np.eye(4), 0.0)] * len(Ts_mount_cam)
+        for i, (chunk, score) in enumerate(zip(chunks, scores, strict=True)):
+            found[i::n] = list(zip(inverse(chunk), score.tolist(), strict=True))
+        return sorted(found, key=lambda x: -x[1])
 
-    def _look(self, T_cam_mount: F64) -> F64:
-        rows = []
-        for v, mask in zip(self.views, self.masks, strict=True):
-            coverage = self.renderer.coverage(T_cam_mount @ self.problem.Ts_mount_link[v])
-            rows.append(overlap(coverage, mask))
-        return np.array(rows)
-
-    def _adapted(self, T_cam_mount: F64, seen: F64) -> F64:
-        """Turn the camera by the mean offset of the centroids, then go nearer or farther."""
-        camera = self.renderer.camera
-        visible = seen[:, 0] > 1.0
-        if not visible.any():
-            return T_cam_mount
-        weight = self.observed[visible, 0]
-        rendered = np.average(seen[visible, 1:3], axis=0, weights=weight)
-        wanted = np.average(self.observed[visible, 1:3], axis=0, weights=weight)
-        turned = _rotation_between(camera.unproject(rendered), camera.unproject(wanted))
-        T = T_cam_mount.copy()
-        T[:3] = turned @ T[:3]
-        ratio = np.sqrt(seen[visible, 0].sum() / self.observed[visible, 0].sum())
-        centre = self.problem.centre_cam(T)
-        T[:3, 3] += centre * (np.clip(ratio, 0.4, 2.5) - 1.0)
-        return T
-
-
-def _rotation_between(a: F64, b: F64) -> F64:
-    """The smallest rotation ``(3, 3)`` that turns direction ``a`` into ``b``."""
-    a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
-    v = np.cross(a, b)
-    K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return np.eye(3) + K + K @ K / (1.0 + float(a @ b))
+    def _fit(self, Ts_cam_mount: F64, rounds: int) -> F64:
+        p, r = self._renderer.packed, self._renderer
+        fc, model, k, valid_radius = r.camera.numba_params()
+        return fit_seeds(
+            Ts_cam_mount, rounds, self._poses, self._masks, self._observed, self._centre,
+            p.vertices, p.vertex_start, p.boxes, p.planes, p.faces, p.face_start, p.edges,
+            p.edge_faces, p.edge_start, fc, model, k, valid_radius,
+        )  # fmt: skip
 
 
 def _unlike_views(Ts_mount_link: F64, n: int) -> list[int]:
@@ -221,26 +194,18 @@ def _unlike_views(Ts_mount_link: F64, n: int) -> list[int]:
     return chosen
 
 
-def _score_all(scorer: _SeedScorer, seeds: list[F64], rounds: int) -> list[tuple[F64, float]]:
-    chunks = [seeds[i :: usable_cores()] for i in range(usable_cores())]
-    done = parallel_map(lambda chunk: [scorer.fit(T, rounds) for T in chunk], chunks)
-    # By index first, so that the order does not depend on the number of cores.
-    found: list[tuple[F64, float]] = [(seeds[0], 0.0)] * len(seeds)
-    for i, part in enumerate(done):
-        found[i :: usable_cores()] = part
-    return sorted(found, key=lambda x: -x[1])
-
-
 def _refine(
     problem: PoseProblem, poses: Sequence[tuple[F64, float]], reduction: int, scale_px: float
 ) -> list[tuple[F64, float]]:
     level = Level(reduction, scale_px=scale_px, spacing=0.7)
-    done = []
-    for T, score in poses:
-        end = descend(problem, inverse(T), level, 8)
-        better = end.mean_iou >= score
-        done.append((inverse(end.T_cam_mount) if better else T, max(end.mean_iou, score)))
-    return _distinct(sorted(done, key=lambda x: -x[1]))
+    problem.renderer(reduction)
+
+    def one(start: tuple[F64, float]) -> tuple[F64, float]:
+        T, score = start
+        end = descend(problem, inverse(T), level, 8, threads=False)
+        return (inverse(end.T_cam_mount), end.mean_iou) if end.mean_iou >= score else (T, score)
+
+    return _distinct(parallel_map(one, poses))
 
 
 def _distinct(poses: Sequence[tuple[F64, float]]) -> list[tuple[F64, float]]:

@@ -18,7 +18,11 @@ F64 = NDArray[np.float64]
 MIN_SAMPLES = 12
 """Fewer contour samples than this cannot carry six unknowns."""
 
-_SETTLED_PX = 0.02
+_SETTLED_PX = 0.05
+"""A step that moves the contours by less, in pixels of the level, ends the level."""
+
+_SLACK = 1.01
+"""The loss may rise by this factor over the best: robust weights have another minimum than it."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class Level:
 
     @property
     def name(self) -> str:
+        """What the level is called in timings."""
         return f"{'distance' if self.scale_px else 'difference'}_{self.reduction}"
 
 
@@ -48,8 +53,8 @@ class Descent:
     """Where a level ended.
 
     Attributes:
-        T_cam_mount: The best pose seen, by the paper's loss: it needs neither robust weights nor
-            a contour to be comparable from pose to pose.
+        T_cam_mount: The last accepted pose. The paper's loss decides what is accepted: it needs
+            neither robust weights nor a contour to be comparable from pose to pose.
         loss: The loss there, full-size pixels.
         mean_iou: Mean over the views of the intersection over union.
         settled: False when the step limit ended it.
@@ -61,7 +66,14 @@ class Descent:
     settled: bool
 
 
-def descend(problem: PoseProblem, T_cam_mount: F64, level: Level, max_iterations: int) -> Descent:
+def descend(
+    problem: PoseProblem,
+    T_cam_mount: F64,
+    level: Level,
+    max_iterations: int,
+    *,
+    threads: bool = True,
+) -> Descent:
     """Walk downhill from a pose.
 
     Args:
@@ -69,33 +81,40 @@ def descend(problem: PoseProblem, T_cam_mount: F64, level: Level, max_iterations
         T_cam_mount: ``(4, 4)`` start.
         level: The stage.
         max_iterations: Renderings of all views allowed, but for the first.
+        threads: Whether views are rendered in parallel; not when several descents already are.
     """
 
     def look(T: F64) -> tuple[list[Evidence], float]:
         seen = problem.gather(
-            T, level.reduction, smoothing_px=level.smoothing_px, spacing=level.spacing
+            T,
+            level.reduction,
+            smoothing_px=0.0 if level.scale_px else level.smoothing_px,
+            spacing=level.spacing,
+            threads=threads,
         )
         return seen, float(sum(w * e.mismatch for w, e in zip(problem.weights, seen, strict=True)))
 
     T = T_cam_mount
     seen, loss = look(T)
+    best = loss
     damping = 1e-6
     for _ in range(max_iterations):
         H, g, n = _normal_equations(problem, seen, level)
         if n < MIN_SAMPLES:
             break
         step = np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(6), g)
-        moved_px = step_px(seen, step)
+        settled = step_px(seen, step) < _SETTLED_PX * level.reduction
         T_next = perturb_about(T, problem.centre_cam(T), step)
         seen_next, loss_next = look(T_next)
-        if loss_next > loss * (1.0 + 1e-4) and moved_px > _SETTLED_PX:
-            damping = max(10.0 * damping, 1e-2)
-            if damping > 1e3:
+        if loss_next > _SLACK * best:
+            if settled:
                 return Descent(T, loss, _mean_iou(seen), True)
+            damping = max(10.0 * damping, 1e-2)
             continue
         T, seen, loss = T_next, seen_next, loss_next
+        best = min(best, loss)
         damping = max(damping * 0.1, 1e-6)
-        if moved_px < _SETTLED_PX * level.reduction:
+        if settled:
             return Descent(T, loss, _mean_iou(seen), True)
     return Descent(T, loss, _mean_iou(seen), False)
 

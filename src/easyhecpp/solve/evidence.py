@@ -130,7 +130,8 @@ def gather(
         view: The observed mask.
         Ts_cam_link: ``(L, 4, 4)``.
         centre_cam: ``(3,)`` centre of rotation of the Jacobians.
-        smoothing_px: Standard deviation of the Gaussian, pixels of the level.
+        smoothing_px: Standard deviation of the Gaussian, pixels of the level; 0 leaves the
+            residuals out (they are zero then).
         spacing: Distance of the samples, pixels of the level.
     """
     mask, usable = view.level(reduction)
@@ -148,9 +149,11 @@ def gather(
         difference = difference * usable[rows, columns]
     both = float(np.minimum(mask[rows, columns], rendered).sum())
     union = observed_area + float(rendered.sum()) - both
-    smooth = cv2.GaussianBlur(difference, (0, 0), smoothing_px, borderType=cv2.BORDER_REPLICATE)
-    corner = np.array([columns.start, rows.start], np.float64)
-    residuals = _SQRT_2PI * smoothing_px * sample(smooth, contour.points - corner)
+    residuals = np.zeros(len(contour))
+    if smoothing_px > 0.0:
+        smooth = cv2.GaussianBlur(difference, (0, 0), smoothing_px, borderType=cv2.BORDER_REPLICATE)
+        corner = np.array([columns.start, rows.start], np.float64)
+        residuals = _SQRT_2PI * smoothing_px * sample(smooth, contour.points - corner)
     points = (contour.points + 0.5) * reduction - 0.5
     keep = slice(None)
     if view.ignore is not None:

@@ -79,7 +79,13 @@ class PoseProblem:
         return self._renderers[reduction]
 
     def gather(
-        self, T_cam_mount: F64, reduction: int, *, smoothing_px: float, spacing: float
+        self,
+        T_cam_mount: F64,
+        reduction: int,
+        *,
+        smoothing_px: float,
+        spacing: float,
+        threads: bool = True,
     ) -> list[Evidence]:
         """Compare all views with the masks at a pose; see :func:`.evidence.gather`."""
         renderer = self.renderer(reduction)
@@ -91,7 +97,8 @@ class PoseProblem:
                 centre, smoothing_px=smoothing_px, spacing=spacing,
             )  # fmt: skip
 
-        return parallel_map(one, range(len(self)))
+        views = range(len(self))
+        return parallel_map(one, views) if threads else [one(view) for view in views]
 
     def _centre(self) -> F64:
         meshes = self.rig.robot.meshes
