@@ -1,0 +1,143 @@
+"""Where the masks of a calibration come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from easyhecpp.capture import Capture
+from easyhecpp.errors import InputError
+from easyhecpp.segment.protocols import CaptureMasks, MaskSource, PoseBelief, ViewMask
+
+GIVEN, CLASSICAL, AUTO = "given", "classical", "auto"
+
+
+class GivenMasks:
+    """A ``MaskSource``: the masks that lie in the capture."""
+
+    name = GIVEN
+
+    def masks(self, capture: Capture, belief: PoseBelief | None = None) -> CaptureMasks:
+        """The capture's masks; a view without one has none."""
+        if not any(view.has_mask for view in capture.views):
+            raise InputError(
+                "The capture holds no masks",
+                where=capture.name,
+                expected="a folder masks/ with one picture per view",
+                fix="use --segmenter classical, which needs none",
+            )
+        return CaptureMasks(
+            tuple(
+                ViewMask(
+                    view.id,
+                    view.mask,
+                    notes=() if view.has_mask else ("The capture holds no mask of this view.",),
+                )
+                for view in capture.views
+            )
+        )
+
+
+@dataclass(frozen=True)
+class ChosenSource:
+    """A source of masks and why it was taken.
+
+    Attributes:
+        source: Makes the masks.
+        name: As written into the result.
+        why: A sentence for the user.
+        refines: Whether better masks come out once a pose is known.
+    """
+
+    source: MaskSource
+    name: str
+    why: str
+    refines: bool
+
+
+def choose_source(
+    segmenter: str,
+    capture: Capture,
+    *,
+    text_weights: str | Path | None = None,
+    box_weights: str | Path | None = None,
+    device: str | None = None,
+) -> ChosenSource:
+    """The source that a name stands for.
+
+    Args:
+        segmenter: ``auto``, ``given``, ``classical``, or a pretrained segmenter's name.
+        capture: Decides what ``auto`` takes: its masks, else weights that are on this disk, else
+            the classical way. ``auto`` never downloads.
+        text_weights: Folder or hub name in place of the text model's own weights.
+        box_weights: The same for the box model.
+        device: ``cpu``, ``cuda`` and the like, for pretrained models.
+
+    Raises:
+        InputError: Unknown name, or weights that cannot be had.
+        MissingExtraError: A pretrained name without torch and transformers.
+    """
+    if segmenter == AUTO:
+        return _automatic(capture)
+    if segmenter == GIVEN:
+        return ChosenSource(GivenMasks(), GIVEN, "masks from the capture, as asked", False)
+    if segmenter == CLASSICAL:
+        return _classical("classical segmentation, as asked")
+    return _pretrained(segmenter, "as asked", text_weights, box_weights, device)
+
+
+def _automatic(capture: Capture) -> ChosenSource:
+    if any(view.has_mask for view in capture.views):
+        return ChosenSource(GivenMasks(), GIVEN, "masks from the capture", False)
+    from easyhecpp.models import registry
+
+    ready = registry.first_ready()
+    if ready is not None:
+        return _pretrained(ready, "its weights are on this disk", None, None, None)
+    return _classical(
+        "classical segmentation: the capture holds no masks, and no weights are on this disk"
+    )
+
+
+def _classical(why: str) -> ChosenSource:
+    from easyhecpp.segment.classical import ClassicalSegmenter
+
+    return ChosenSource(ClassicalSegmenter(), CLASSICAL, why, True)
+
+
+def _pretrained(
+    name: str,
+    why: str,
+    text_weights: str | Path | None,
+    box_weights: str | Path | None,
+    device: str | None,
+) -> ChosenSource:
+    from easyhecpp.models import registry
+    from easyhecpp.models.runtime import Runtime
+    from easyhecpp.segment import AutoSam
+
+    registry.find(name)
+    runtime = None if device is None else Runtime(device)
+    loaded = registry.load(
+        name, text_weights=text_weights, box_weights=box_weights, runtime=runtime
+    )
+    source: MaskSource = AutoSam(loaded.boxes, loaded.text)
+    if loaded.text is None:
+        source = _FirstPoseElsewhere(source)
+    return ChosenSource(source, name, f"{name}, {why}", True)
+
+
+class _FirstPoseElsewhere:
+    """A box model without a text model: the classical way finds the first masks and pose."""
+
+    def __init__(self, boxes: MaskSource) -> None:
+        self._boxes = boxes
+        self.name = boxes.name
+
+    def masks(self, capture: Capture, belief: PoseBelief | None = None) -> CaptureMasks:
+        """Masks by boxes once a pose is known, classical ones before."""
+        if belief is not None:
+            return self._boxes.masks(capture, belief)
+        from easyhecpp.segment.classical import ClassicalSegmenter
+
+        return ClassicalSegmenter().masks(capture, None)
