@@ -86,13 +86,20 @@ def choose_source(
     return _pretrained(segmenter, "as asked", text_weights, box_weights, device)
 
 
+def segmenter_for_images(segmenter: str) -> str:
+    """What ``auto`` stands for where masks are to be made: weights on this disk, else classical."""
+    if segmenter != AUTO:
+        return segmenter
+    from easyhecpp.models import registry
+
+    return registry.first_ready() or CLASSICAL
+
+
 def _automatic(capture: Capture) -> ChosenSource:
     if any(view.has_mask for view in capture.views):
         return ChosenSource(GivenMasks(), GIVEN, "masks from the capture", False)
-    from easyhecpp.models import registry
-
-    ready = registry.first_ready()
-    if ready is not None:
+    ready = segmenter_for_images(AUTO)
+    if ready != CLASSICAL:
         return _pretrained(ready, "its weights are on this disk", None, None, None)
     return _classical(
         "classical segmentation: the capture holds no masks, and no weights are on this disk"

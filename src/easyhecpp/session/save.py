@@ -5,6 +5,9 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
+from easyhecpp._atomic import write_image
 from easyhecpp.errors import InputError
 from easyhecpp.report.overlay import write_overlays
 from easyhecpp.session.calibration import Calibration
@@ -37,3 +40,18 @@ def save(found: Calibration, folder: Path) -> None:
     """
     write_overlays(folder / "overlays", found.capture, found.T_mount_cam)
     found.result.write(folder / "result.json")
+
+
+def save_masks(found: Calibration, folder: Path) -> list[Path]:
+    """Write the masks as ``masks/<view>.png``, and overlays to judge them by.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    written = []
+    for view, mask in found.masks.items():
+        path = folder / "masks" / f"{view}.png"
+        write_image(path, np.asarray(mask) > 0.5)
+        written.append(path)
+    write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
+    return written

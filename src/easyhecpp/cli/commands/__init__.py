@@ -7,6 +7,7 @@ from typing import Annotated, Protocol
 
 import tyro
 
+from easyhecpp.cli.commands.bench import Bench
 from easyhecpp.cli.commands.calibrate import Calibrate
 from easyhecpp.cli.commands.check import CheckCapture
 from easyhecpp.cli.commands.compare import Compare
@@ -14,6 +15,7 @@ from easyhecpp.cli.commands.demo import Demo
 from easyhecpp.cli.commands.export import Export
 from easyhecpp.cli.commands.info import Info
 from easyhecpp.cli.commands.overlay import Overlay
+from easyhecpp.cli.commands.segment import Segment
 
 
 class Command(Protocol):
@@ -30,9 +32,11 @@ def parse(words: Sequence[str]) -> Command:
         Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
         | Annotated[CheckCapture, tyro.conf.subcommand("check-capture")]
         | Annotated[Info, tyro.conf.subcommand("info")]
+        | Annotated[Segment, tyro.conf.subcommand("segment")]
         | Annotated[Overlay, tyro.conf.subcommand("overlay")]
         | Annotated[Export, tyro.conf.subcommand("export")]
         | Annotated[Compare, tyro.conf.subcommand("compare")]
+        | Annotated[Bench, tyro.conf.subcommand("bench")]
         | Annotated[Demo, tyro.conf.subcommand("demo")]
     )
     return tyro.cli(  # type: ignore[no-any-return, call-overload]

@@ -38,6 +38,15 @@ class Calibrate:
     first_pose: Literal["sphere", "paper"] = "sphere"
     """Search for the first pose: all around the arm at any distance, or the paper's grid at 1 m."""
 
+    text_weights: str | None = None
+    """Folder or hub name in place of a pretrained text model's own weights."""
+
+    box_weights: str | None = None
+    """The same for the box model."""
+
+    device: str | None = None
+    """Where pretrained models run: cpu, cuda, mps."""
+
     strict: bool = False
     """Exit with 3 when the result is doubtful."""
 
@@ -60,7 +69,13 @@ class Calibrate:
             prepare_folder(out)
             found = calibrate(
                 capture,
-                CalibrationConfig(segmenter=self.segmenter, first_pose=self.first_pose),
+                CalibrationConfig(
+                    segmenter=self.segmenter,
+                    first_pose=self.first_pose,
+                    text_weights=self.text_weights,
+                    box_weights=self.box_weights,
+                    device=self.device,
+                ),
                 progress=tell,
                 command=command_line,
             )
@@ -69,7 +84,7 @@ class Calibrate:
         if self.json:
             say_json(found.result.model_dump(mode="json", by_alias=True))
         else:
-            _summarise(found.result, found.capture.notes, out)
+            _summarise(found.result, (*found.capture.notes, *found.notes), out)
         if found.result.verdict == "failed" or (self.strict and found.result.verdict != "ok"):
             return FAILED
         return 0

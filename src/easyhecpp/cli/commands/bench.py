@@ -1,0 +1,123 @@
+"""``easyhecpp bench``: the published tables as commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from easyhecpp.cli.output import complain, progress, say
+
+
+@dataclass(frozen=True)
+class BenchSolve:
+    """Calibrate simulated scenes from nothing with degraded masks; compare with the truth."""
+
+    robot: str = "xarm7"
+    """The arm, by name."""
+
+    scenes: int = 20
+    """Number of scenes."""
+
+    seed: int = 1000
+    """Scene i of a seed is always the same."""
+
+    workers: int = 1
+    """Processes side by side; the seconds in the table are honest with one only."""
+
+    out: Path | None = None
+    """Markdown file to write; a .json of all scenes is written beside it."""
+
+    def run(self, command_line: str) -> int:
+        """Run and print the table."""
+        from easyhecpp.bench.solve import run_solve_bench, solve_table
+        from easyhecpp.sim.robots import load_robot
+
+        robot = load_robot(self.robot)
+        with progress(quiet=False) as tell:
+            bench = run_solve_bench(
+                robot,
+                n_scenes=self.scenes,
+                seed=self.seed,
+                workers=self.workers,
+                progress=lambda done: tell(f"{done} of {self.scenes} scenes"),
+            )
+        _publish(solve_table(bench), self.out, command_line)
+        return 0
+
+
+def _publish(table: object, out: Path | None, command_line: str) -> None:
+    from rich.console import Console
+
+    from easyhecpp._atomic import write_text
+    from easyhecpp.bench.table import Table
+
+    assert isinstance(table, Table)
+    Console(width=None).print(table.to_rich())
+    if out is not None:
+        write_text(out, f"{table.to_markdown()}\nCommand: `{command_line}`\n")
+        write_text(out.with_suffix(".json"), table.to_json(command=command_line))
+        say(f"written: {out}, {out.with_suffix('.json')}")
+
+
+@dataclass(frozen=True)
+class BenchPrompts:
+    """Mask IoU of the prompt variants (a) to (f) beside the paper's table."""
+
+    capture: Positional[Path]
+    """Folder of a capture with true masks."""
+
+    segmenter: str = "sam"
+    """Pretrained segmenter whose box model is prompted."""
+
+    box_weights: str | None = None
+    """Folder or hub name in place of the model's own weights."""
+
+    result: Path | None = None
+    """Take the camera's pose from this result.json; otherwise the given masks are calibrated."""
+
+    out: Path | None = None
+    """Markdown file to write."""
+
+    def run(self, command_line: str) -> int:
+        """Run and print the table."""
+        from easyhecpp.bench.prompts import prompts_table, run_prompts_bench
+        from easyhecpp.capture import Capture
+        from easyhecpp.formats.result_file import ResultFile
+        from easyhecpp.models import registry
+        from easyhecpp.session import CalibrationConfig, calibrate
+
+        capture = Capture.load(self.capture)
+        loaded = registry.load(self.segmenter, box_weights=self.box_weights, with_text=False)
+        if self.result is not None:
+            pose = ResultFile.read(self.result).T_mount_cam
+            T_mount_cam = None if pose is None else pose.array
+        else:
+            complain("no --result given: calibrating with the capture's masks first")
+            T_mount_cam = calibrate(capture, CalibrationConfig(segmenter="given")).T_mount_cam
+        _publish(
+            prompts_table(run_prompts_bench(capture, loaded.boxes, T_mount_cam)),
+            self.out,
+            command_line,
+        )
+        return 0
+
+
+Table = (
+    Annotated[BenchSolve, tyro.conf.subcommand("solve")]
+    | Annotated[BenchPrompts, tyro.conf.subcommand("prompts")]
+)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Reproduce a table of the results page."""
+
+    table: Table
+
+    def run(self, command_line: str) -> int:
+        """Run the table's own command."""
+        return self.table.run(command_line)

@@ -1,0 +1,72 @@
+"""``easyhecpp segment``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from easyhecpp.cli.output import progress, say
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Make the arm's masks from the images and write them, with overlays to look at.
+
+    Segmenters: classical (no weights), or pretrained pairs of a text and a box model: grounded-sam
+    (the paper's), grounded-sam-large, grounded-sam-base, grounded-sam2, grounded-sam2-tiny,
+    grounded-sam-hq, sam3 (gated weights); or a box model alone (sam, sam2, sam-hq), for which the
+    classical way finds the first pose.
+    """
+
+    capture: Positional[Path]
+    """Folder of the capture."""
+
+    out: Path = Path("segmentation")
+    """Folder for masks/ and overlays/."""
+
+    segmenter: str = "auto"
+    """One of the names above; auto takes weights that are on this disk, else classical."""
+
+    text_weights: str | None = None
+    """Folder or hub name in place of the text model's own weights."""
+
+    box_weights: str | None = None
+    """The same for the box model."""
+
+    device: str | None = None
+    """Where pretrained models run: cpu, cuda, mps."""
+
+    quiet: bool = False
+    """No progress on standard error."""
+
+    def run(self, command_line: str) -> int:
+        """Segment and write."""
+        from easyhecpp.capture import Capture
+        from easyhecpp.session import CalibrationConfig, calibrate
+        from easyhecpp.session.masks import segmenter_for_images
+        from easyhecpp.session.save import prepare_folder, save_masks
+
+        with progress(self.quiet) as tell:
+            tell("reading the capture")
+            capture = Capture.load(self.capture)
+            segmenter = segmenter_for_images(self.segmenter)
+            prepare_folder(self.out)
+            found = calibrate(
+                capture,
+                CalibrationConfig(
+                    segmenter=segmenter,
+                    text_weights=self.text_weights,
+                    box_weights=self.box_weights,
+                    device=self.device,
+                ),
+                progress=tell,
+                command=command_line,
+            )
+            tell("writing the masks")
+            written = save_masks(found, self.out)
+        for note in found.notes:
+            say(f"note: {note}")
+        say(f"{len(written)} of {len(capture.views)} masks written to {self.out / 'masks'}/")
+        return 0
