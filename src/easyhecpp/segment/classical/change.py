@@ -46,9 +46,7 @@ class ChangeMaps:
         """The same evidence at a size ``factor`` times smaller."""
         height, width = self.maps.shape[1:]
         size = (max(1, round(width / factor)), max(1, round(height / factor)))
-        maps = parallel_map(
-            lambda m: cv2.resize(m, size, interpolation=cv2.INTER_AREA), self.maps
-        )
+        maps = parallel_map(lambda m: cv2.resize(m, size, interpolation=cv2.INTER_AREA), self.maps)
         return ChangeMaps(
             self.pairs, np.stack(maps).astype(np.float32), self.index, self.reduction * factor
         )

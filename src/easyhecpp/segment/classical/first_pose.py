@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -41,7 +41,7 @@ class FirstPoseConfig:
         finalists: Of these, the ones that are refined at a quarter.
     """
 
-    grid: SeedGrid = SeedGrid()
+    grid: SeedGrid = field(default_factory=SeedGrid)
     max_pairs: int = 12
     rescored: int = 80
     refined: int = 12

@@ -41,6 +41,7 @@ def line_posteriors(
     reach: int,
     strength: float,
     sigma: float,
+    bracketed: bool,
     mean: F64,
     weight: F64,
 ) -> None:
@@ -57,6 +58,8 @@ def line_posteriors(
         reach: Largest displacement looked at, pixels.
         strength: Factor on the evidence; neighbouring pixels are not independent.
         sigma: Standard deviation of the displacement before looking, pixels.
+        bracketed: Whether a line counts only when it sees arm and background, so that its most
+            likely place is not one of its ends.
         mean, weight: ``(N,)`` output: displacement and its information (1 / variance) without
             what was assumed before; weight 0 where nothing is known.
     """
@@ -88,10 +91,13 @@ def line_posteriors(
         for k in range(half):
             log_p[reach + k + 1] = log_p[reach + k] + strength * values[reach + k]
             log_p[reach - k - 1] = log_p[reach - k] - strength * values[reach - 1 - k]
-        most = -1e300
+        most, at = -1e300, 0
         for k in range(-half, half + 1):
             log_p[reach + k] -= 0.5 * (k / sigma) ** 2
-            most = max(most, log_p[reach + k])
+            if log_p[reach + k] > most:
+                most, at = log_p[reach + k], k
+        if bracketed and abs(at) >= half - 1:
+            continue
         total, first, second = 0.0, 0.0, 0.0
         for k in range(-half, half + 1):
             p = np.exp(log_p[reach + k] - most)

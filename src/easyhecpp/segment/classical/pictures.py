@@ -91,18 +91,22 @@ def _to_lab(image: NDArray[np.uint8], reduction: int) -> F32:
     return cv2.cvtColor(image.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB)  # type: ignore[return-value]
 
 
-def exposure(lab: F32) -> tuple[F64, F64]:
+def exposure(pictures: F32, *, gains: bool = False) -> tuple[F64, F64]:
     """Gain ``(V, 3)`` and offset ``(V, 3)`` that bring each view to the views' median.
 
     Fitted robustly to the pixels that did not change, so that the arm has no say.
+
+    Args:
+        pictures: ``(V, H, W, 3)``.
+        gains: Whether every channel has a gain; if not only the first (lightness).
     """
-    step = max(1, lab.shape[2] // 80)
-    small = lab[:, ::step, ::step].reshape(len(lab), -1, 3).astype(np.float64)
+    step = max(1, pictures.shape[2] // 80)
+    small = pictures[:, ::step, ::step].reshape(len(pictures), -1, 3).astype(np.float64)
     target = np.median(small, axis=0)
-    gain, offset = np.ones((len(lab), 3)), np.zeros((len(lab), 3))
+    gain, offset = np.ones((len(pictures), 3)), np.zeros((len(pictures), 3))
     for view, values in enumerate(small):
         for channel in range(3):
-            fitted = _robust_line(values[:, channel], target[:, channel], channel == 0)
+            fitted = _robust_line(values[:, channel], target[:, channel], gains or channel == 0)
             gain[view, channel], offset[view, channel] = fitted
     return gain, offset
 

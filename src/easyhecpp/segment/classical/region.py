@@ -20,7 +20,7 @@ F64 = NDArray[np.float64]
 EvidenceMaker = Callable[[F32], list[F32]]
 """From the coverage of all views ``(V, H, W)`` to the evidence of each view ``(H, W)``."""
 
-_STRENGTH = 0.8
+_STRENGTH = 3.0
 _FEWEST_SAMPLES = 30
 
 
@@ -32,11 +32,13 @@ class Round:
         reach: Displacement looked at along the normals.
         scale: Displacement at which a sample has a quarter of its say.
         steps: Most steps.
+        bracketed: Whether a line must see arm and background to count.
     """
 
     reach: int
     scale: float
     steps: int
+    bracketed: bool = False
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,13 @@ class Displacements:
 
 
 def displacements(
-    scene: Scene, T_cam_mount: F64, reduction: int, make: EvidenceMaker, reach: int, *, coarse: bool
+    scene: Scene,
+    T_cam_mount: F64,
+    reduction: int,
+    make: EvidenceMaker,
+    settings: Round,
+    *,
+    coarse: bool = False,
 ) -> list[Displacements]:
     """Read the evidence along all contours at a pose."""
     shown = scene.contours(T_cam_mount, reduction, spacing=1.0, coarse=coarse)
@@ -66,7 +74,7 @@ def displacements(
         mean, weight = np.empty(len(contour)), np.empty(len(contour))
         line_posteriors(
             evidence[view], coverage, contour.points, contour.normals,
-            reach, _STRENGTH, 0.6 * reach, mean, weight,
+            settings.reach, _STRENGTH, 0.6 * settings.reach, settings.bracketed, mean, weight,
         )  # fmt: skip
         return Displacements(contour, mean, weight)
 
@@ -98,8 +106,8 @@ def fit_regions(
     T = inverse(T_mount_cam)
     for settings in rounds:
         for _ in range(settings.steps):
-            read = displacements(scene, T, reduction, make, settings.reach, coarse=coarse)
-            step, moved = _step(read, settings.scale)
+            read = displacements(scene, T, reduction, make, settings, coarse=coarse)
+            step, moved = _step(read, settings)
             if step is None:
                 break
             T = perturb_about(T, scene.centre_cam(T), step)
@@ -108,21 +116,21 @@ def fit_regions(
     return inverse(T)
 
 
-def _step(read: Sequence[Displacements], scale: float) -> tuple[F64 | None, float]:
+def _step(read: Sequence[Displacements], settings: Round) -> tuple[F64 | None, float]:
     """The step ``(6,)`` and how far it moves the contours, root mean square pixels."""
     J = np.concatenate([d.contour.jacobians for d in read])
     m = np.concatenate([d.mean for d in read])
     w = np.concatenate([d.weight for d in read])
     if np.count_nonzero(w) < _FEWEST_SAMPLES:
         return None, 0.0
-    w = w / np.square(1.0 + np.square(m / scale))
+    w = w / np.square(1.0 + np.square(m / settings.scale))
     H = J.T @ (w[:, None] * J)
     H[np.diag_indices(6)] *= 1.0 + 1e-3
     H[np.diag_indices(6)] += 1e-9 * np.trace(H)
     step = np.linalg.solve(H, J.T @ (w * m))
     moved = float(np.sqrt(np.mean(np.square(J @ step))))
     # Beyond its own reach the lines have not looked.
-    limit = 1.5 * scale
+    limit = 1.5 * settings.scale
     if moved > limit:
         step, moved = step * (limit / moved), limit
     return step, moved

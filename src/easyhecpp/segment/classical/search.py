@@ -148,9 +148,7 @@ class _Overlay:
         near = np.roll(scores, (ry, rx), axis=(0, 1))[: 2 * ry + 1, : 2 * rx + 1]
         dy, dx = np.unravel_index(int(np.argmax(near)), near.shape)
         shift = np.array([rx - float(dx), ry - float(dy)])
-        return Scored(
-            inverse(self._turned(T_cam_mount, shift)), float(near[dy, dx]) * self.scale
-        )
+        return Scored(inverse(self._turned(T_cam_mount, shift)), float(near[dy, dx]) * self.scale)
 
     def _turned(self, T_cam_mount: F64, shift_px: F64) -> F64:
         """The arm's image moved by ``shift_px``, by turning the camera."""

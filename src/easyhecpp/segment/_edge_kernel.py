@@ -1,0 +1,257 @@
+"""Image edges along the contour's normals, to a fraction of a pixel (compiled)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.render._jit import jit
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I8 = NDArray[np.int8]
+U8 = NDArray[np.uint8]
+
+STEP = 0.5
+"""Distance of the samples along a normal, pixels."""
+
+NONE, AGAINST_PLATE, COLOUR = 0, 1, 2
+"""What an edge was found from: nothing, the difference to the plate, the colour alone."""
+
+
+@jit
+def _linear(v: float) -> float:
+    """Value 0..255 in sRGB to linear light 0..1 (a cubic that follows the standard to 0.3 %)."""
+    c = v / 255.0
+    return c * (c * (c * 0.305306011 + 0.682171111) + 0.012522878)
+
+
+@jit
+def background_plate(values: F32, covered: U8, view: int, band: U8, noise: float, out: F32) -> None:
+    """The background's colour behind a view's contour band; nan where no view shows it.
+
+    Of the views without the arm at a pixel, the ones that agree with the third nearest to what the
+    view itself shows are averaged: what moves in the background has several states, and the view
+    shows one of them.
+
+    Args:
+        values: ``(V, H, W, 3)`` equalised pictures, 0..255.
+        covered: ``(V, H, W)`` nonzero where a view shows the arm or may show it.
+        view: The view.
+        band: ``(H, W)`` nonzero where the plate is wanted.
+        noise: Standard deviation of a channel.
+        out: ``(H, W, 3)``.
+    """
+    n, height, width = covered.shape
+    distance = np.empty(n)
+    order = np.empty(n, np.int64)
+    limit = 25.0 * 6.0 * noise * noise
+    for y in range(height):
+        for x in range(width):
+            if band[y, x] == 0:
+                continue
+            count = 0
+            for other in range(n):
+                if other == view or covered[other, y, x] != 0:
+                    continue
+                d = 0.0
+                for c in range(3):
+                    e = values[view, y, x, c] - values[other, y, x, c]
+                    d += e * e
+                at = count
+                while at > 0 and distance[at - 1] > d:
+                    distance[at] = distance[at - 1]
+                    order[at] = order[at - 1]
+                    at -= 1
+                distance[at] = d
+                order[at] = other
+                count += 1
+            if count == 0:
+                out[y, x, 0] = np.nan
+                continue
+            chosen = order[(count - 1) // 3]
+            total = 0
+            r, g, b = 0.0, 0.0, 0.0
+            for i in range(count):
+                other = order[i]
+                d = 0.0
+                for c in range(3):
+                    e = values[chosen, y, x, c] - values[other, y, x, c]
+                    d += e * e
+                if d <= limit:
+                    r += values[other, y, x, 0]
+                    g += values[other, y, x, 1]
+                    b += values[other, y, x, 2]
+                    total += 1
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = r / total, g / total, b / total
+
+
+@jit
+def _sample(image: F32, x: float, y: float, out: F64) -> bool:
+    """Bilinear colour; False outside of the image or next to an unknown pixel."""
+    height, width = image.shape[0], image.shape[1]
+    if x < 0.0 or y < 0.0 or x > width - 1.0 or y > height - 1.0:
+        return False
+    ix, iy = min(int(x), width - 2), min(int(y), height - 2)
+    fx, fy = x - ix, y - iy
+    for c in range(3):
+        top = image[iy, ix, c] * (1.0 - fx) + image[iy, ix + 1, c] * fx
+        bottom = image[iy + 1, ix, c] * (1.0 - fx) + image[iy + 1, ix + 1, c] * fx
+        out[c] = top * (1.0 - fy) + bottom * fy
+    return not np.isnan(out[0])
+
+
+@jit
+def _slope(signal: F64, k: int, taps: F64) -> float:
+    """Length of the smoothed derivative of a colour signal ``(N, 3)`` at index ``k``."""
+    half = len(taps) // 2
+    total = 0.0
+    for c in range(3):
+        d = 0.0
+        for j in range(-half, half + 1):
+            d += taps[half + j] * signal[k + j, c]
+        total += d * d
+    return np.sqrt(total)
+
+
+@jit
+def _level(signal: F64, first: int, last: int) -> float:
+    """Length of the mean of a colour signal over ``first..last``, cut to what there is."""
+    n = signal.shape[0]
+    first, last = max(0, first), min(n - 1, last)
+    if first > last:
+        return 0.0
+    total = 0.0
+    for c in range(3):
+        m = 0.0
+        for k in range(first, last + 1):
+            m += signal[k, c]
+        m /= last - first + 1
+        total += m * m
+    return np.sqrt(total)
+
+
+@jit
+def find_edges(
+    picture: F32,
+    plate: F32,
+    covered: U8,
+    points: F64,
+    normals: F64,
+    reach: float,
+    taps: F64,
+    noise: float,
+    offset: F64,
+    contrast: F64,
+    kind: I8,
+) -> None:
+    """Find the arm's occluding edge along the normal of every contour sample.
+
+    Where the background is known, the edge is the outermost steep rise of the difference to it
+    with no difference beyond; texture of the arm and of the background has no such rise. Where it
+    is not (parts that never move away), the steepest colour edge counts, when no other rivals it.
+    It is then located in linear light, in which a pixel half covered is half way in between.
+
+    Args:
+        picture: ``(H, W, 3)`` the view, 0..255.
+        plate: ``(H, W, 3)`` its background, nan where unknown.
+        covered: ``(H, W)`` nonzero on the rendered arm.
+        points, normals: ``(N, 2)`` contour samples.
+        reach: Largest displacement, pixels.
+        taps: Odd number of weights of the smoothed derivative.
+        noise: Standard deviation of a channel.
+        offset: ``(N,)`` output: outward displacement of the edge, pixels.
+        contrast: ``(N,)`` output: height of the edge, 0..255.
+        kind: ``(N,)`` output: see :data:`NONE`, :data:`AGAINST_PLATE`, :data:`COLOUR`.
+    """
+    pad = len(taps) // 2 + 6
+    inner = int(np.ceil(reach / STEP))
+    n = 2 * (inner + pad) + 1
+    middle = inner + pad
+    near = np.empty((n, 3))
+    light = np.empty((n, 3))
+    raw = np.empty((n, 3))
+    slope = np.zeros(n)
+    colour, behind = np.empty(3), np.empty(3)
+    # The smoothed derivative of white noise, per channel and for both pictures.
+    slope_noise = noise * np.sqrt(2.0 * 3.0 * np.sum(taps * taps) * STEP)
+    height, width = covered.shape
+    for s in range(points.shape[0]):
+        x, y, nx, ny = points[s, 0], points[s, 1], normals[s, 0], normals[s, 1]
+        kind[s] = NONE
+        offset[s] = 0.0
+        contrast[s] = 0.0
+        usable, known = True, True
+        for k in range(n):
+            t = (k - middle) * STEP
+            px, py = x + t * nx, y + t * ny
+            if not _sample(picture, px, py, colour):
+                usable = False
+                break
+            if t > 2.0:
+                ix, iy = int(px + 0.5), int(py + 0.5)
+                if covered[min(iy, height - 1), min(ix, width - 1)] != 0:
+                    usable = False
+                    break
+            for c in range(3):
+                raw[k, c] = colour[c]
+            if known and not _sample(plate, px, py, behind):
+                known = False
+            if known:
+                for c in range(3):
+                    near[k, c] = colour[c] - behind[c]
+                    light[k, c] = _linear(colour[c]) - _linear(behind[c])
+        if not usable:
+            continue
+        if not known:
+            for k in range(n):
+                for c in range(3):
+                    near[k, c] = raw[k, c]
+                    light[k, c] = _linear(raw[k, c])
+        top = 0.0
+        for k in range(pad - 6, n - pad + 6):
+            slope[k] = _slope(near, k, taps)
+            if pad <= k < n - pad:
+                top = max(top, slope[k])
+        least = max(4.0 * slope_noise, 0.3 * top)
+        best = -1
+        if known:
+            for k in range(n - pad - 1, pad - 1, -1):
+                if slope[k] < least or slope[k] < slope[k - 1] or slope[k] < slope[k + 1]:
+                    continue
+                inside, beyond = _level(near, k - 8, k - 3), _level(near, k + 3, k + 8)
+                if beyond > max(4.0 * noise, 0.3 * inside) or inside < 6.0 * noise:
+                    # Something else begins out there: this line does not show the arm's edge.
+                    break
+                best = k
+                break
+        else:
+            rival = 0.0
+            value = 0.0
+            for k in range(pad, n - pad):
+                if slope[k] < least or slope[k] < slope[k - 1] or slope[k] < slope[k + 1]:
+                    continue
+                t = (k - middle) * STEP
+                v = slope[k] * np.exp(-0.5 * (t / (0.6 * reach)) ** 2)
+                if v > value:
+                    rival = value
+                    value, best = v, k
+                elif v > rival:
+                    rival = v
+            if rival > 0.6 * value:
+                best = -1
+        if best < 0:
+            continue
+        # Locate in linear light, near the place found.
+        at, highest = best, -1.0
+        for k in range(max(pad, best - 3), min(n - pad, best + 4)):
+            v = _slope(light, k, taps)
+            if v > highest:
+                highest, at = v, k
+        a, b, c2 = _slope(light, at - 1, taps), highest, _slope(light, at + 1, taps)
+        curvature = a - 2.0 * b + c2
+        if a > b or c2 > b or curvature >= -1e-12:
+            continue
+        offset[s] = (at - middle + 0.5 * (a - c2) / curvature) * STEP
+        contrast[s] = slope[best]
+        kind[s] = AGAINST_PLATE if known else COLOUR

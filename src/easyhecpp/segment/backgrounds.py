@@ -1,0 +1,68 @@
+"""The pictures of a still camera, and behind each contour the background that other views show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp._parallel import parallel_map
+from easyhecpp.geometry import inverse
+from easyhecpp.segment._edge_kernel import background_plate
+from easyhecpp.segment.classical.pictures import exposure, measured_noise
+from easyhecpp.segment.classical.scene import Scene
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+_MARGIN_PX = 4
+_REACH_PX = 18
+
+
+class Backgrounds:
+    """Equalised pictures with the background behind the arm's contour.
+
+    Args:
+        scene: The arm in all views.
+        images: ``(H, W, 3)`` uint8 RGB per view.
+        T_mount_cam: ``(4, 4)`` present pose; says where the background is free of the arm.
+
+    Attributes:
+        values: ``(V, H, W, 3)`` float32, 0..255, all views in the same exposure.
+        noise: Standard deviation of a channel.
+        plates: Per view ``(H, W, 3)``, nan where no view shows the background, and away from the
+            contour.
+    """
+
+    def __init__(self, scene: Scene, images: Sequence[U8], T_mount_cam: F64) -> None:
+        self.scene = scene
+        stack = np.stack(images).astype(np.float32)
+        gain, offset = exposure(stack, gains=True)
+        if not (np.allclose(gain, 1.0, atol=0.004) and np.allclose(offset, 0.0, atol=0.5)):
+            stack *= gain[:, None, None].astype(np.float32)
+            stack += offset[:, None, None].astype(np.float32)
+        self.values: F32 = stack
+        self.noise = measured_noise(stack[:, ::2, ::2])
+        self.plates: list[F32] = []
+        self.look_behind(T_mount_cam)
+
+    def look_behind(self, T_mount_cam: F64) -> None:
+        """Find the background anew for the contours at another pose."""
+        covers = self.scene.coverages(inverse(T_mount_cam), 1)
+        grow = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _MARGIN_PX + 1,) * 2)
+        wide = np.ones((2 * _REACH_PX + 1,) * 2, np.uint8)
+        covered = np.stack(
+            parallel_map(lambda c: cv2.dilate((c > 0.01).astype(np.uint8), grow), list(covers))
+        )
+
+        def one(view: int) -> F32:
+            inside = (covers[view] > 0.5).astype(np.uint8)
+            band = cv2.dilate(inside, wide) - cv2.erode(inside, wide)
+            plate = np.full((*band.shape, 3), np.nan, np.float32)
+            background_plate(self.values, covered, view, band, self.noise, plate)
+            return plate
+
+        self.plates = parallel_map(one, range(len(self.scene)))

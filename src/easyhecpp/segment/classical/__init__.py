@@ -1,0 +1,12 @@
+"""The classical way: pose and masks from the arm's own motion, without pretrained weights."""
+
+from __future__ import annotations
+
+from easyhecpp.segment.classical.calibrate import (
+    ClassicalConfig,
+    ClassicalResult,
+    ClassicalSegmenter,
+    calibrate_from_images,
+)
+
+__all__ = ["ClassicalConfig", "ClassicalResult", "ClassicalSegmenter", "calibrate_from_images"]

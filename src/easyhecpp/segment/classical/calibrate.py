@@ -1,0 +1,306 @@
+"""From images, joints, intrinsics and the URDF alone to the camera's pose."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.camera import Camera
+from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.rig import Rig
+from easyhecpp.segment.backgrounds import Backgrounds
+from easyhecpp.segment.classical.change import ChangeMaps, change_maps
+from easyhecpp.segment.classical.first_pose import FirstPoseConfig, first_pose
+from easyhecpp.segment.classical.masks import masks_at
+from easyhecpp.segment.classical.pictures import Pictures, load_pictures
+from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
+from easyhecpp.segment.classical.region import Round, fit_regions
+from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.classical.search import Scored
+from easyhecpp.segment.edges import EdgeConfig, EdgeReader, EdgeRefinement, refine_edges
+from easyhecpp.segment.protocols import ViewMask
+from easyhecpp.segment.quality import ViewQuality, assess
+from easyhecpp.solve import Observation, PoseEstimate, SolveConfig, solve_pose
+
+F64 = NDArray[np.float64]
+U8 = NDArray[np.uint8]
+
+FEWEST_VIEWS = 3
+
+_COARSE = (Round(12, 6.0, 3), Round(8, 3.0, 4))
+_FINE = (Round(6, 2.0, 3, bracketed=True),)
+
+
+@dataclass(frozen=True)
+class ClassicalConfig:
+    """Settings of the classical way.
+
+    Attributes:
+        search: How wide the first pose is looked for.
+        edges: The edge stage.
+        least_explained: Share of the change that the arm's motion must explain.
+        least_margin: How much better than the next different pose, as a share of the best.
+        least_edges: Share of the contour that must lie on image edges.
+        least_length: Length of visible contour per view, in image widths.
+        least_covered: Share of the image that the arm must cover on average.
+    """
+
+    search: FirstPoseConfig = field(default_factory=FirstPoseConfig)
+    edges: EdgeConfig = field(default_factory=EdgeConfig)
+    least_explained: float = 0.08
+    least_margin: float = 0.15
+    least_edges: float = 0.36
+    least_length: float = 0.4
+    least_covered: float = 0.01
+
+
+@dataclass(frozen=True)
+class ClassicalResult:
+    """What the classical way found.
+
+    Attributes:
+        T_mount_cam: ``(4, 4)`` the camera's pose.
+        candidates: The first poses with the share of change that each explains, best first.
+        margin: How much better the best is than the next, as a share of the best.
+        masks: One per view.
+        quality: One per view.
+        estimate: The pose with covariance, as the solver states it.
+        refinement: What the edge stage did.
+        reasons: Why the result may be wrong, sentences; empty when it is sure.
+        timings_s: Seconds per stage.
+    """
+
+    T_mount_cam: F64
+    candidates: tuple[Scored, ...]
+    margin: float
+    masks: tuple[ViewMask, ...]
+    quality: tuple[ViewQuality, ...]
+    estimate: PoseEstimate
+    refinement: EdgeRefinement
+    reasons: tuple[str, ...]
+    timings_s: dict[str, float]
+
+    @property
+    def sure(self) -> bool:
+        """Whether nothing speaks against the result."""
+        return not self.reasons
+
+
+class ClassicalSegmenter:
+    """Masks and poses from the arm's own motion before a still camera, without any weights.
+
+    Args:
+        rig: Robot and set-up; the camera must stand still (eye-to-hand).
+        camera: Intrinsics.
+        images: ``(H, W, 3)`` uint8 RGB, one per view.
+        joints: ``(n,)`` per view.
+        ids: Names of the views.
+        config: Settings.
+
+    Raises:
+        InputError: Too few views, sizes that do not fit, or a camera that moves with the arm.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        camera: Camera,
+        images: Sequence[U8],
+        joints: Sequence[F64],
+        *,
+        ids: Sequence[str] | None = None,
+        config: ClassicalConfig | None = None,
+    ) -> None:
+        _check(rig, images, joints)
+        self.config = config or ClassicalConfig()
+        self.rig, self.camera = rig, camera
+        self.images = list(images)
+        self.ids = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(images)))
+        self.scene = Scene(rig, camera, joints)
+        self.half: Pictures = load_pictures(images, camera, 2)
+        self.changes: ChangeMaps = change_maps(self.half.reduced(2))
+        self._backgrounds: Backgrounds | None = None
+
+    def first_pose(self) -> list[Scored]:
+        """Candidates for the pose, best first, to a few pixels.
+
+        Raises:
+            CalibrationError: Nothing moved between the views, or no pose explains what did.
+        """
+        if float(np.mean(self.changes.maps > 0.0)) < 1e-4:
+            raise CalibrationError(
+                "The images hardly differ from each other: nothing moved before the camera. The "
+                "classical way needs views with the arm in different postures."
+            )
+        found = first_pose(self.scene, self.changes, self.config.search)
+        if not found:
+            raise CalibrationError("No camera pose explains the motion in the images.")
+        return found
+
+    def approach(self, T_mount_cam: F64) -> F64:
+        """A first pose brought to a pixel or two, against the background plate at half size."""
+        for rounds, plate in ((_COARSE, PlateConfig(4, 16)), (_FINE, PlateConfig(2, 12))):
+            make = plate_maker(self.half, plate)
+            T_mount_cam = fit_regions(self.scene, T_mount_cam, 2, make, rounds)
+        return T_mount_cam
+
+    def backgrounds(self, T_mount_cam: F64) -> Backgrounds:
+        """The full-size pictures and what is behind the arm at a pose."""
+        if self._backgrounds is None:
+            self._backgrounds = Backgrounds(self.scene, self.images, T_mount_cam)
+        else:
+            self._backgrounds.look_behind(T_mount_cam)
+        return self._backgrounds
+
+    def masks_at(self, T_mount_cam: F64) -> tuple[ViewMask, ...]:
+        """Masks of all views at a pose that is off by a few pixels at most."""
+        return tuple(masks_at(self.backgrounds(T_mount_cam), T_mount_cam, self.ids))
+
+    def solve(self, T_mount_cam: F64, masks: Sequence[ViewMask]) -> PoseEstimate:
+        """The pose that explains the masks."""
+        seen = [
+            Observation(q, m.mask, m.ignore, id=m.view_id)
+            for q, m in zip(self.scene.joints, masks, strict=True)
+            if m.mask is not None
+        ]
+        return solve_pose(self.rig, self.camera, seen, T_mount_cam, SolveConfig(start_error_px=6.0))
+
+    def refine(self, estimate: PoseEstimate) -> tuple[EdgeRefinement, tuple[ViewQuality, ...]]:
+        """The edge stage; views that contradict the others lose weight and it is run again."""
+        backgrounds = self.backgrounds(estimate.T_mount_cam)
+        config = self.config.edges
+        refined = refine_edges(backgrounds, estimate, ids=self.ids, config=config)
+        quality = self._quality(refined.estimate.T_mount_cam)
+        weights = [v.weight for v in quality]
+        if min(weights) < 0.75 and sum(w > 0.5 for w in weights) >= FEWEST_VIEWS:
+            refined = refine_edges(
+                backgrounds, estimate, ids=self.ids, weights=weights, config=config
+            )
+            quality = self._quality(refined.estimate.T_mount_cam)
+        return refined, quality
+
+    def _quality(self, T_mount_cam: F64) -> tuple[ViewQuality, ...]:
+        assert self._backgrounds is not None  # refine has made it
+        readings = EdgeReader(self._backgrounds).read(T_mount_cam, 6.0, spacing_px=2.0)
+        return assess(readings, self.ids, self.rig.robot.link_names)
+
+
+def calibrate_from_images(
+    rig: Rig,
+    camera: Camera,
+    images: Sequence[U8],
+    joints: Sequence[F64],
+    *,
+    ids: Sequence[str] | None = None,
+    config: ClassicalConfig | None = None,
+) -> ClassicalResult:
+    """Find the camera from images, joints, intrinsics and the URDF alone.
+
+    Args:
+        rig: Robot and set-up.
+        camera: Intrinsics.
+        images: ``(H, W, 3)`` uint8 RGB, one per view.
+        joints: ``(n,)`` per view.
+        ids: Names of the views.
+        config: Settings.
+
+    Raises:
+        InputError: Too few views, sizes that do not fit, or a camera that moves with the arm.
+        CalibrationError: Nothing moved, or the arm cannot be found.
+    """
+    config = config or ClassicalConfig()
+    timings: dict[str, float] = {}
+    clock = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        timings[stage], clock = now - clock, now
+
+    segmenter = ClassicalSegmenter(rig, camera, images, joints, ids=ids, config=config)
+    lap("changes")
+    candidates = segmenter.first_pose()
+    lap("first_pose")
+    T = segmenter.approach(candidates[0].T_mount_cam)
+    lap("region")
+    masks = segmenter.masks_at(T)
+    estimate = segmenter.solve(T, masks)
+    lap("masks")
+    refinement, quality = segmenter.refine(estimate)
+    lap("edges")
+    estimate = refinement.estimate
+    masks = segmenter.masks_at(estimate.T_mount_cam)
+    lap("last_masks")
+    margin = _margin(candidates)
+    return ClassicalResult(
+        T_mount_cam=estimate.T_mount_cam,
+        candidates=tuple(candidates),
+        margin=margin,
+        masks=masks,
+        quality=quality,
+        estimate=replace(estimate, timings_s={**estimate.timings_s, **timings}),
+        refinement=refinement,
+        reasons=_doubts(candidates, margin, refinement, config, camera, len(images)),
+        timings_s=timings,
+    )
+
+
+def _margin(candidates: Sequence[Scored]) -> float:
+    best = candidates[0].score
+    if best <= 0.0:
+        return 0.0
+    if len(candidates) < 2:
+        return 1.0
+    return float(np.clip((best - candidates[1].score) / best, 0.0, 1.0))
+
+
+def _doubts(
+    candidates: Sequence[Scored],
+    margin: float,
+    refinement: EdgeRefinement,
+    config: ClassicalConfig,
+    camera: Camera,
+    n_views: int,
+) -> tuple[str, ...]:
+    """Reasons why the pose may be wrong."""
+    support = refinement.support
+    reasons = []
+    if candidates[0].score < config.least_explained:
+        reasons.append(
+            f"The arm's motion explains only {candidates[0].score:.0%} of what changes in the "
+            "images."
+        )
+    if margin < config.least_margin:
+        reasons.append("Another camera pose explains the changes in the images nearly as well.")
+    if support.share < config.least_edges:
+        reasons.append(
+            f"Only {support.share:.0%} of the arm's outline lies on an edge of the pictures, "
+            f"under {config.least_edges:.0%}."
+        )
+    if support.length_px < config.least_length * camera.width * n_views:
+        reasons.append("Only a short piece of the arm's outline is visible.")
+    if support.covered < config.least_covered:
+        reasons.append(f"The arm covers only {support.covered:.1%} of the images.")
+    return tuple(reasons)
+
+
+def _check(rig: Rig, images: Sequence[U8], joints: Sequence[F64]) -> None:
+    if rig.mount != rig.robot.base_link:
+        raise InputError(
+            "the classical way needs a camera that stands still, not one that rides on the arm",
+            where="setup",
+            expected="eye-to-hand",
+            fix="give masks, or name a segmenter with weights",
+        )
+    if len(images) != len(joints):
+        raise InputError(f"{len(images)} images but joints for {len(joints)} views")
+    if len(images) < FEWEST_VIEWS:
+        raise InputError(
+            f"there are {len(images)} views",
+            expected=f"at least {FEWEST_VIEWS}: the background is learnt from the others",
+            fix="take more views, or give masks",
+        )
