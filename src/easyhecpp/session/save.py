@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,25 @@ from easyhecpp.report.overlay import write_overlays
 from easyhecpp.session.calibration import Calibration
 
 
-def prepare_folder(folder: Path) -> None:
-    """Make the output folder, before any work is done.
+@contextmanager
+def output_folder(folder: Path) -> Iterator[None]:
+    """Make the output folder before any work is done; a failure leaves no empty folder behind.
 
     Raises:
         InputError: It cannot be made or written.
     """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        _make(folder)
+        yield
+    except BaseException:
+        for path in made:
+            with suppress(OSError):  # something was written into it: that stays
+                path.rmdir()
+        raise
+
+
+def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -60,27 +60,27 @@ class Calibrate:
         """Calibrate, write, summarise."""
         from easyhecpp.capture import Capture
         from easyhecpp.session import CalibrationConfig, calibrate
-        from easyhecpp.session.save import prepare_folder, save
+        from easyhecpp.session.save import output_folder, save
 
         out = self.out or Path(f"{self.capture.resolve().name}-calibration")
         with progress(self.quiet) as tell:
             tell("reading the capture")
             capture = Capture.load(self.capture)
-            prepare_folder(out)
-            found = calibrate(
-                capture,
-                CalibrationConfig(
-                    segmenter=self.segmenter,
-                    first_pose=self.first_pose,
-                    text_weights=self.text_weights,
-                    box_weights=self.box_weights,
-                    device=self.device,
-                ),
-                progress=tell,
-                command=command_line,
-            )
-            tell("writing the results")
-            save(found, out)
+            with output_folder(out):
+                found = calibrate(
+                    capture,
+                    CalibrationConfig(
+                        segmenter=self.segmenter,
+                        first_pose=self.first_pose,
+                        text_weights=self.text_weights,
+                        box_weights=self.box_weights,
+                        device=self.device,
+                    ),
+                    progress=tell,
+                    command=command_line,
+                )
+                tell("writing the results")
+                save(found, out)
         if self.json:
             say_json(found.result.model_dump(mode="json", by_alias=True))
         else:

@@ -25,11 +25,10 @@ class Demo:
         from easyhecpp.geometry import pose_error
         from easyhecpp.session import calibrate
         from easyhecpp.session.demo import demo_scene, simulated_capture
-        from easyhecpp.session.save import prepare_folder, save
+        from easyhecpp.session.save import output_folder, save
 
-        prepare_folder(self.out)
         rng = np.random.default_rng(self.seed)
-        with progress(quiet=False) as tell:
+        with output_folder(self.out), progress(quiet=False) as tell:
             tell("simulating an xArm 7 and its camera")
             scene = demo_scene(rng)
             found = calibrate(

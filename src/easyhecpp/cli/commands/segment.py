@@ -46,26 +46,26 @@ class Segment:
         from easyhecpp.capture import Capture
         from easyhecpp.session import CalibrationConfig, calibrate
         from easyhecpp.session.masks import segmenter_for_images
-        from easyhecpp.session.save import prepare_folder, save_masks
+        from easyhecpp.session.save import output_folder, save_masks
 
         with progress(self.quiet) as tell:
             tell("reading the capture")
             capture = Capture.load(self.capture)
             segmenter = segmenter_for_images(self.segmenter)
-            prepare_folder(self.out)
-            found = calibrate(
-                capture,
-                CalibrationConfig(
-                    segmenter=segmenter,
-                    text_weights=self.text_weights,
-                    box_weights=self.box_weights,
-                    device=self.device,
-                ),
-                progress=tell,
-                command=command_line,
-            )
-            tell("writing the masks")
-            written = save_masks(found, self.out)
+            with output_folder(self.out):
+                found = calibrate(
+                    capture,
+                    CalibrationConfig(
+                        segmenter=segmenter,
+                        text_weights=self.text_weights,
+                        box_weights=self.box_weights,
+                        device=self.device,
+                    ),
+                    progress=tell,
+                    command=command_line,
+                )
+                tell("writing the masks")
+                written = save_masks(found, self.out)
         for note in found.notes:
             say(f"note: {note}")
         say(f"{len(written)} of {len(capture.views)} masks written to {self.out / 'masks'}/")
