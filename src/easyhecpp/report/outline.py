@@ -8,7 +8,7 @@ runs where the edge is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ _STEPS = 2
 _STEP_LIMIT_PX = 0.8
 _FLAT = 0.05  # slope per pixel below which there is no edge to stand on; a blurred step has 0.5
 _MIN_POINTS = 12
+_MARGIN = 5  # around what is covered; more than the blur reaches
 
 
 def outline(coverage: NDArray[Any]) -> list[F64]:
@@ -35,22 +36,24 @@ def outline(coverage: NDArray[Any]) -> list[F64]:
         end where a line closes. The image's own edge is not part of them; specks of a few pixels
         are left out.
     """
-    field = np.ascontiguousarray(coverage, dtype=np.float32)
-    inside = (field > 0.5).astype(np.uint8)
-    chains, _ = cv2.findContours(inside, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    height, width = coverage.shape
+    inside = (np.asarray(coverage) > 0.5).astype(np.uint8)
+    x, y, w, h = cv2.boundingRect(inside)
+    left, top = max(0, x - _MARGIN), max(0, y - _MARGIN)
+    window = slice(top, y + h + _MARGIN), slice(left, x + w + _MARGIN)
+    chains, _ = cv2.findContours(inside[window], cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
     chains = [chain[:, 0] for chain in chains if len(chain) >= _MIN_POINTS]
     if not chains:
         return []
-    smooth = cv2.GaussianBlur(field, (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
-    slope_x = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=0.125, borderType=cv2.BORDER_REPLICATE)
-    slope_y = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=0.125, borderType=cv2.BORDER_REPLICATE)
+    field = np.ascontiguousarray(coverage[window], dtype=np.float32)
+    smooth = cast(F32, cv2.GaussianBlur(field, (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE))
     start = np.concatenate(chains)
-    points, good = _settle(start.astype(np.float64), smooth, slope_x, slope_y)
-    height, width = field.shape
-    good &= ~np.any((start <= 0) | (start >= (width - 1, height - 1)), axis=1)
-    lines: list[F64] = []
+    points, good = _settle(start.astype(np.float64), smooth)
+    corner = np.array([left, top])
+    good &= ~np.any((start + corner <= 0) | (start + corner >= (width - 1, height - 1)), axis=1)
     ends = np.cumsum([len(chain) for chain in chains])[:-1]
-    for line, usable in zip(np.split(points, ends), np.split(good, ends), strict=True):
+    lines: list[F64] = []
+    for line, usable in zip(np.split(points + corner, ends), np.split(good, ends), strict=True):
         lines += _cut(line, usable)
     return lines
 
@@ -67,28 +70,32 @@ def simplify(lines: Sequence[F64], tolerance_px: float) -> list[F64]:
     return found
 
 
-def _settle(points: F64, smooth: F32, slope_x: F32, slope_y: F32) -> tuple[F64, NDArray[np.bool_]]:
+def _settle(points: F64, smooth: F32) -> tuple[F64, NDArray[np.bool_]]:
     """Newton steps along the slope onto the level 0.5; and which points found it."""
     good = np.ones(len(points), bool)
+    around = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
     for _ in range(_STEPS):
-        level, gx, gy = (_sample(image, points) for image in (smooth, slope_x, slope_y))
-        square = gx**2 + gy**2
-        good &= square > _FLAT**2
-        move = (0.5 - level) / np.maximum(square, _FLAT**2)
-        limit = _STEP_LIMIT_PX / np.maximum(np.abs(move) * np.sqrt(square), 1e-9)
-        points = points + (move * np.minimum(1.0, limit))[:, None] * np.column_stack([gx, gy])
+        level, right, left, down, up = _sample(smooth, points + around[:, None])
+        slope = 0.5 * np.column_stack([right - left, down - up])
+        steepness = np.linalg.norm(slope, axis=1)
+        good &= steepness > _FLAT
+        way = (0.5 - level) / np.maximum(steepness, _FLAT)
+        way = np.clip(way, -_STEP_LIMIT_PX, _STEP_LIMIT_PX)
+        points = points + slope * (way / np.maximum(steepness, _FLAT))[:, None]
     return points, good
 
 
 def _sample(image: F32, points: F64) -> F64:
-    # remap takes at most 32767 rows, so long chains are folded.
-    width = 1024
-    padded = np.zeros((-(-len(points) // width) * width, 2), np.float32)
-    padded[: len(points)] = points
+    """Bilinear samples at ``(K, N, 2)`` pixels: ``(K, N)``."""
+    # remap takes at most 32767 rows or columns, so long chains are folded.
+    width, count = 1024, points[..., 0].size
+    padded = np.zeros((-(-count // width) * width, 2), np.float32)
+    padded[:count] = points.reshape(-1, 2)
+    xy = padded.reshape(-1, width, 2)
     found = cv2.remap(
-        image, padded.reshape(-1, width, 2), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        image, xy[..., 0], xy[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
-    return found.reshape(-1)[: len(points)].astype(np.float64)
+    return found.reshape(-1)[:count].reshape(points.shape[:2]).astype(np.float64)
 
 
 def _cut(line: F64, usable: NDArray[np.bool_]) -> list[F64]:

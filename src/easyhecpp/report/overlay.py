@@ -98,7 +98,7 @@ def draw_lines(picture: NDArray[np.uint8], lines: Sequence[F64], colour: RGB) ->
     fixed = [np.rint(line * (1 << _SHIFT)).astype(np.int32)[:, None] for line in lines]
     rim = picture.copy()
     cv2.polylines(rim, fixed, False, HALO, 3, cv2.LINE_AA, _SHIFT)
-    cv2.addWeighted(rim, 0.55, picture, 0.45, 0.0, dst=picture)
+    cv2.addWeighted(rim, 0.5, picture, 0.5, 0.0, dst=picture)
     cv2.polylines(picture, fixed, False, colour, 1, cv2.LINE_AA, _SHIFT)
 
 

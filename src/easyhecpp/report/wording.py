@@ -1,0 +1,151 @@
+"""The report's sentences: what the verdict means, why it was given, what to do next."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from easyhecpp.formats.result_file import ResultFile, Verdict
+
+HEADLINES: dict[Verdict, tuple[str, str]] = {
+    "ok": ("OK", "The pose can be used."),
+    "doubtful": ("Doubtful", "There is a pose, but check it before you rely on it."),
+    "failed": ("Failed", "Do not use this pose."),
+}
+NO_POSE = "No pose was found."
+
+FLAGS = {
+    "moving": "the arm was probably moving: its joints do not belong to this picture",
+    "mask": "its mask disagrees with the other views",
+    "camera-moved": "the camera seems to have moved before it was taken",
+    "hidden": "most of the arm is hidden or out of the picture",
+    "few-contour": "too little of the arm's outline is visible to say much",
+}
+"""What the flags of one word mean; other flags are sentences already."""
+
+# A sentence that begins with one of these tells the reader to do something.
+_IMPERATIVES = frozenset(
+    {"add", "calibrate", "change", "check", "choose", "compare", "correct", "delete", "do", "drop"}
+    | {
+        "export",
+        "fix",
+        "give",
+        "hold",
+        "improve",
+        "keep",
+        "let",
+        "look",
+        "lower",
+        "make",
+        "measure",
+    }
+    | {"move", "name", "open", "photograph", "put", "raise", "re-record", "record", "remove"}
+    | {
+        "repeat",
+        "replace",
+        "retake",
+        "run",
+        "see",
+        "segment",
+        "set",
+        "show",
+        "start",
+        "take",
+        "try",
+    }
+    | {"turn", "use", "wait"}
+)
+_OK_NEXT = (
+    "Glance at the outlines below: the pink line should follow the arm in every picture.",
+    "Export the pose to your system with `easyhecpp export`.",
+    "Calibrate again when the camera or the robot's base has been moved, or when the camera's "
+    "resolution or focus has changed.",
+)
+_LOOK = "Look at the outlines below, the flagged views first: does the pink line follow the arm?"
+
+
+@dataclass(frozen=True)
+class VerdictText:
+    """The verdict for readers.
+
+    Attributes:
+        verdict: ``ok``, ``doubtful`` or ``failed``.
+        word: The verdict as a heading.
+        headline: What it means, one sentence.
+        why: What was found, sentences.
+        advice: What to do next, sentences; code in backquotes.
+    """
+
+    verdict: Verdict
+    word: str
+    headline: str
+    why: tuple[str, ...]
+    advice: tuple[str, ...]
+
+
+def verdict_text(result: ResultFile) -> VerdictText:
+    """Sort a result's reasons into findings and advice, and add what always holds."""
+    word, headline = HEADLINES[result.verdict]
+    if result.T_mount_cam is None:
+        headline = NO_POSE
+    why, advice = split_reasons(result.reasons)
+    if result.verdict == "ok":
+        advice += _OK_NEXT
+    elif result.T_mount_cam is not None:
+        advice += (_LOOK,)
+    elif not advice:
+        advice = (
+            "Run `easyhecpp check-capture` on the capture: it lists everything that is wrong.",
+        )
+    return VerdictText(result.verdict, word, headline, (*_numbers(result), *why), advice)
+
+
+def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Findings and advice out of sentences that mix both; nothing is said twice.
+
+    A reason's findings stay together as one; what it tells the reader to do is taken out of it.
+    """
+    why: dict[str, None] = {}
+    advice: dict[str, None] = {}
+    for reason in reasons:
+        findings: list[str] = []
+        for sentence in re.split(r"(?<=[.!?])\s+(?=[A-Z`])", reason.strip()):
+            word = re.split(r"[\s,:]", sentence, maxsplit=1)[0].lower()
+            if word in _IMPERATIVES:
+                advice[sentence] = None
+            elif sentence:
+                findings.append(sentence)
+        if findings:
+            why[" ".join(findings)] = None
+    return tuple(why), tuple(advice)
+
+
+def flag_text(flag: str) -> str:
+    """What a view's flag means."""
+    return FLAGS.get(flag, flag)
+
+
+def _numbers(result: ResultFile) -> tuple[str, ...]:
+    """The facts that every verdict rests on, in sentences."""
+    used = [view for view in result.views if view.weight > 0]
+    if result.T_mount_cam is None or not used:
+        return ()
+    views = f"{len(used)} of {len(result.views)} views took part"
+    if len(result.views) == 1:
+        views = "A single view was used"
+    overlaps = [view.iou for view in used if view.iou is not None]
+    if overlaps:
+        views += f"; rendered arm and masks overlap by {_share(min(overlaps), max(overlaps))}"
+    facts = [f"{views}."]
+    if result.sigma is not None:
+        known = f"The camera's position is known to ±\u00a0{result.sigma.position_mm:.2g}\u00a0mm"
+        if result.sigma.workspace_mm is not None:
+            known += f", a point at the arm to ±\u00a0{result.sigma.workspace_mm:.2g}\u00a0mm"
+        facts.append(f"{known} (one standard deviation).")
+    return tuple(facts)
+
+
+def _share(low: float, high: float) -> str:
+    a, b = round(100 * low), round(100 * high)
+    return f"{a} %" if a == b else f"{a} to {b} %"
