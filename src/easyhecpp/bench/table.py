@@ -14,7 +14,7 @@ from typing import Any
 
 import rich.table
 
-import easyhecpp
+from easyhecpp import __version__
 from easyhecpp._parallel import usable_cores
 
 Cell = str | int | float | None
@@ -88,7 +88,7 @@ def describe_machine() -> dict[str, Any]:
         "memory_gb": _memory_gb(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
-        "easyhecpp": easyhecpp.__version__,
+        "easyhecpp": __version__,
         "packages": {name: metadata.version(name) for name in _PACKAGES if _installed(name)},
     }
 
