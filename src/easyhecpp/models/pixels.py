@@ -105,7 +105,7 @@ class Preprocessing:
         torch = require("torch", "models", "A pretrained segmenter")
         frame = self.frame(image.shape[:2])
         scaled = _resize(image, frame.resized).astype(np.float32) / 255.0
-        scaled = (scaled - np.float32(self.mean)) / np.float32(self.std)
+        scaled = (scaled - np.array(self.mean, np.float32)) / np.array(self.std, np.float32)
         canvas = np.zeros((*frame.padded, 3), dtype=np.float32)
         canvas[: frame.resized[0], : frame.resized[1]] = scaled
         return torch.from_numpy(np.ascontiguousarray(canvas.transpose(2, 0, 1)))[None], frame

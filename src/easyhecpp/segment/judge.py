@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.segment.protocols import BoolArray, FloatArray
+from easyhecpp.segment.protocols import BoolArray, FloatArray, union
 
 
 @dataclass(frozen=True)
@@ -97,15 +97,15 @@ def judge(
     )
     notes = [reason for reason in rejected if reason is not None]
     accepted = [i for i, reason in enumerate(rejected) if reason is None]
-    union = masks[accepted].any(axis=0) if accepted else np.zeros_like(beyond)
+    united = union(masks[accepted])
 
-    unseen, link_notes = _links_not_covered(union, prior, config)
+    unseen, link_notes = _links_not_covered(united, prior, config)
     # A little of what lies beyond comes with many masks (a tool, a cable). Nobody knows where it
     # begins, so the arm's outline close to it is not used either.
-    spilt = union & beyond
+    spilt = united & beyond
     near_spill = _distance_to(spilt) <= 2 * margin if spilt.any() else spilt
     ignore = unseen | near_spill
-    mask = union & ~beyond
+    mask = united & ~beyond
 
     believed = prior.arm & ~ignore
     cover = _share(mask, believed)
@@ -129,12 +129,12 @@ def _reason(mask: BoolArray, label: str, beyond: BoolArray, config: JudgeConfig)
 
 
 def _links_not_covered(
-    union: BoolArray, prior: Prior, config: JudgeConfig
+    united: BoolArray, prior: Prior, config: JudgeConfig
 ) -> tuple[BoolArray, list[str]]:
     """Where links are that the union leaves out, widened by their margin; and sentences."""
-    ignore = np.zeros_like(union)
+    ignore = np.zeros_like(united)
     notes = []
-    distance = _distance_to(union)
+    distance = _distance_to(united)
     for link, name in enumerate(prior.link_names):
         region = prior.visible == link
         if not region.any():
@@ -166,4 +166,5 @@ def _distance_to(region: BoolArray) -> NDArray[np.float32]:
     if not region.any():
         return np.full(region.shape, np.float32(1e9))
     away = np.ascontiguousarray(~region).view(np.uint8)
-    return cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    distance = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return distance.astype(np.float32, copy=False)

@@ -226,6 +226,11 @@ class MaskSource(Protocol):
         ...
 
 
+def union(masks: BoolArray) -> BoolArray:
+    """(H, W) of the pixels in any of the masks (N, H, W); none for no mask."""
+    return np.asarray(masks.any(axis=0), dtype=np.bool_)
+
+
 def image_of(capture: Capture, index: int) -> NDArray[np.uint8]:
     """The image of a view, or an InputError that says which view lacks one."""
     view = capture.views[index]

@@ -3,6 +3,9 @@
 A text model finds every robot arm in a picture, its reflection, and sometimes the table. Each is
 kept as a hypothesis. A camera pose guessed from one hypothesis predicts all the other views; only
 for the arm whose joints were recorded do the predictions meet a mask each time.
+
+What stays put proves nothing: a table in every view is "explained" by a camera so close that the
+base fills that part of the image. So pixels that a pose predicts as arm in ALL views do not count.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from numpy.typing import NDArray
 from easyhecpp.camera import Camera
 from easyhecpp.capture import Capture
 from easyhecpp.errors import CalibrationError
+from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
 from easyhecpp.segment.protocols import (
@@ -28,8 +32,11 @@ from easyhecpp.segment.protocols import (
     ViewMask,
     image_of,
     require_usable,
+    union,
 )
 from easyhecpp.solve import Observation
+
+_OUTLIER = 0.6  # of the views' median overlap
 
 F32 = NDArray[np.float32]
 Assignment = tuple[tuple[int, ...], ...]
@@ -43,23 +50,25 @@ class ChoiceConfig:
     """How the arm is chosen among hypotheses.
 
     Attributes:
-        anchors: in how many views each hypothesis may found a pose of its own.
-        candidates: how many poses a hypothesis may propose.
-        refined: how many of the best sets of hypotheses are solved again, all views together.
+        anchors: how many single hypotheses at most may found a pose.
+        refined: how many of the best sets of hypotheses are solved again, several views together.
         rounds: how often at most that is repeated.
+        views: how many views at most are solved together.
         min_iou: a hypothesis that overlaps the prediction less does not explain its view.
-        settled_iou: the models' favourites are believed at once when each overlaps this much.
-        min_score: mean IoU over the views below which nothing is believed to be the arm.
+        promising_iou: a choice that overlaps this much on average is solved again at once.
+        settled_iou: the search ends with a choice that overlaps this much in every view.
+        min_score: mean overlap below which nothing is believed to be the arm.
         width: px to which masks are shrunk for comparing.
     """
 
-    anchors: int = 3
-    candidates: int = 4
+    anchors: int = 16
     refined: int = 3
     rounds: int = 3
-    min_iou: float = 0.3
-    settled_iou: float = 0.75
-    min_score: float = 0.35
+    views: int = 6
+    min_iou: float = 0.25
+    promising_iou: float = 0.4
+    settled_iou: float = 0.6
+    min_score: float = 0.3
     width: int = 320
 
 
@@ -85,7 +94,8 @@ class ArmChoice:
     Attributes:
         T_mount_cam: the pose that explains the masks.
         assignment: for each view the hypotheses that together are the arm; empty for none.
-        ious: (views,) overlap of these with the prediction; 0 where there are none.
+        ious: (views,) overlap of these with the prediction, without what stays put; 0 where there
+            are none.
         score: mean of ``ious`` over the views in which something was found.
         rival: score of the best choice that takes another thing in at least half of the views; 0
             when there is none.
@@ -99,8 +109,8 @@ class ArmChoice:
 
     @property
     def clear(self) -> bool:
-        """Whether no other thing explains the views nearly as well."""
-        return self.score - self.rival >= 0.1
+        """Whether it explains the views well, and no other thing does nearly as well."""
+        return self.score >= 0.6 and self.score - self.rival >= 0.1
 
 
 def masks_from_text(
@@ -123,18 +133,11 @@ def masks_from_text(
         InputError: a view without an image; nothing found in any view.
         CalibrationError: nothing that was found moves as the joints do.
     """
-    found = [
-        Hypotheses(view.id, view.joints, segmenter.segment(image_of(capture, i), text).masks)
-        for i, view in enumerate(capture.views)
-    ]
+    found = [_found(capture, i, segmenter, text) for i in range(len(capture.views))]
     nothing = f"{segmenter.name} found no '{text}'."
-    require_usable(
-        [
-            ViewMask(h.view_id, _any(h.masks), notes=() if len(h.masks) else (nothing,))
-            for h in found
-        ],
-        segmenter.name,
-    )
+    none_found = tuple(ViewMask(h.view_id, None, notes=(nothing,)) for h in found)
+    if not any(len(h.masks) for h in found):
+        require_usable(none_found, segmenter.name)
     choice = choose_arm(capture.rig, capture.camera, found, first_pose or sampled_poses, config)
     views = tuple(_chosen(h, choice, i, nothing) for i, h in enumerate(found))
     notes = () if choice.clear else (_UNCLEAR,)
@@ -161,13 +164,7 @@ def choose_arm(
         CalibrationError: no choice explains the views.
     """
     config = config or ChoiceConfig()
-    chooser = _Chooser(rig, camera, found, first_pose, config)
-    favourites = tuple((0,) if len(h.masks) else () for h in found)
-    tried = list(chooser.proposals(favourites))
-    if all(trial.worst < config.settled_iou for trial in tried):
-        for assignment in _anchor_assignments(found, config.anchors):
-            tried += chooser.proposals(assignment)
-        tried += [chooser.refined(trial) for trial in _best_distinct(tried, config.refined)]
+    tried = _Chooser(rig, camera, found, first_pose, config).search()
     best = max(tried, key=lambda trial: trial.score, default=None)
     if best is None or best.score < config.min_score:
         score = 0.0 if best is None else best.score
@@ -178,8 +175,14 @@ def choose_arm(
             "--segmenter classical, which needs no text model."
         )
     rivals = [t.score for t in tried if _differs(t.assignment, best.assignment)]
+    # Where the arm itself was not found, something else may overlap the prediction a little.
+    fits = best.ious >= _OUTLIER * np.median(best.ious[best.ious > 0])
     return ArmChoice(
-        best.T_mount_cam, best.assignment, best.ious, best.score, max(rivals, default=0.0)
+        best.T_mount_cam,
+        tuple(c if fit else () for c, fit in zip(best.assignment, fits, strict=True)),
+        np.where(fits, best.ious, 0.0),
+        best.score,
+        max(rivals, default=0.0),
     )
 
 
@@ -187,8 +190,6 @@ def sampled_poses(
     rig: Rig, camera: Camera, observations: Sequence[Observation]
 ) -> list[FloatArray]:
     """Candidate poses by sampling around the arm, best first (paper, pose initialisation)."""
-    from easyhecpp.initialise import sample_initial_pose
-
     result = sample_initial_pose(rig, camera, observations)
     return [T_mount_cam for T_mount_cam, _ in result.candidates] or [result.T_mount_cam]
 
@@ -228,34 +229,53 @@ class _Chooser:
         self.renderer = SilhouetteRenderer(rig.robot.meshes, small)
         self.small = [_shrunk(h.masks, (small.width, small.height)) for h in found]
         self.has_any = np.array([len(h.masks) > 0 for h in found])
+        self._proposed: dict[Assignment, list[_Trial]] = {}
 
-    def proposals(self, assignment: Assignment) -> Iterator[_Trial]:
+    def search(self) -> list[_Trial]:
+        """Poses founded on the models' favourites, then on single hypotheses, until one settles."""
+        tried: list[_Trial] = []
+        for assignment in _starts(self.found, self.config):
+            tried += self.proposals(assignment)
+            best = max(tried, key=lambda trial: trial.score, default=None)
+            if best is not None and best.score >= self.config.promising_iou:
+                tried.append(self.refined(best))
+                if tried[-1].worst >= self.config.settled_iou:
+                    return tried
+        return tried + [self.refined(t) for t in _best_distinct(tried, self.config.refined)]
+
+    def proposals(self, assignment: Assignment) -> list[_Trial]:
         """Poses that the masks of an assignment suggest, each with all that it explains."""
-        observations = [
-            Observation(joints=h.joints, mask=h.masks[list(chosen)].any(axis=0), id=h.view_id)
-            for h, chosen in zip(self.found, assignment, strict=True)
-            if chosen
-        ]
-        if observations:
-            poses = self.first_pose(self.rig, self.camera, observations)
-            for T_mount_cam in poses[: self.config.candidates]:
-                yield self.explained(T_mount_cam)
+        if assignment not in self._proposed:
+            observations = [
+                Observation(joints=h.joints, mask=union(h.masks[list(chosen)]), id=h.view_id)
+                for h, chosen in zip(self.found, assignment, strict=True)
+                if chosen
+            ]
+            poses = self.first_pose(self.rig, self.camera, observations) if observations else []
+            self._proposed[assignment] = [self.explained(pose) for pose in poses]
+        return self._proposed[assignment]
 
     def explained(self, T_mount_cam: FloatArray) -> _Trial:
         """For each view the hypotheses that together overlap the predicted arm best."""
+        joints = np.stack([h.joints for h in self.found])
+        Ts_cam_link = self.rig.Ts_cam_link(T_mount_cam, joints)
+        arms = [self.renderer.coverage(Ts) for Ts in Ts_cam_link]
+        # With one view nothing moves, and all of it has to count.
+        moves = 1.0 - np.min(arms, axis=0) if len(arms) > 1 else np.ones_like(arms[0])
         assignment, ious = [], []
-        for h, masks in zip(self.found, self.small, strict=True):
-            arm = self.renderer.coverage(self.rig.Ts_cam_link(T_mount_cam, h.joints))
-            chosen, iou = _best_union(masks, arm)
+        for masks, arm in zip(self.small, arms, strict=True):
+            chosen, iou = _best_union(masks * moves, arm * moves)
             explains = iou >= self.config.min_iou
             assignment.append(chosen if explains else ())
             ious.append(iou if explains else 0.0)
         return _Trial(T_mount_cam, tuple(assignment), np.array(ious), self.has_any)
 
     def refined(self, trial: _Trial) -> _Trial:
-        """The same arm, with the pose from all of its views."""
+        """The same arm, with the pose from those of its views that are explained best."""
         for _ in range(self.config.rounds):
-            again = max(self.proposals(trial.assignment), key=lambda t: t.score, default=trial)
+            best = np.argsort(-trial.ious, kind="stable")[: self.config.views]
+            kept = tuple(c if i in best else () for i, c in enumerate(trial.assignment))
+            again = max(self.proposals(kept), key=lambda t: t.score, default=trial)
             if again.score <= trial.score:
                 return trial
             settled = again.assignment == trial.assignment
@@ -265,12 +285,16 @@ class _Chooser:
         return trial
 
 
-def _anchor_assignments(found: Sequence[Hypotheses], anchors: int) -> Iterator[Assignment]:
-    """One hypothesis of one view each, in the views that found the fewest."""
-    views = sorted((len(h.masks), i) for i, h in enumerate(found) if len(h.masks))
-    for count, view in views[:anchors]:
-        for hypothesis in range(count):
-            yield tuple((hypothesis,) if i == view else () for i in range(len(found)))
+def _starts(found: Sequence[Hypotheses], config: ChoiceConfig) -> Iterator[Assignment]:
+    """Favourites of some views together; then one hypothesis each, where there are fewest."""
+    views = [i for i, h in enumerate(found) if len(h.masks)]
+    spread = {views[k] for k in np.linspace(0, len(views) - 1, config.views).round().astype(int)}
+    yield tuple((0,) if i in spread else () for i in range(len(found)))
+    # Of views with as many hypotheses, those that show most of something say most about a pose.
+    views.sort(key=lambda i: (len(found[i].masks), -int(found[i].masks.sum())))
+    singles = [(i, k) for i in views for k in range(len(found[i].masks))]
+    for view, hypothesis in singles[: config.anchors]:
+        yield tuple((hypothesis,) if i == view else () for i in range(len(found)))
 
 
 def _best_union(masks: F32, arm: F32) -> tuple[tuple[int, ...], float]:
@@ -293,7 +317,7 @@ def _best_union(masks: F32, arm: F32) -> tuple[tuple[int, ...], float]:
 
 def _iou(a: F32, b: F32) -> float:
     either = float(np.maximum(a, b).sum())
-    return float(np.minimum(a, b).sum()) / either if either else 0.0
+    return float(np.minimum(a, b).sum()) / either if either > 1.0 else 0.0
 
 
 def _best_distinct(trials: Sequence[_Trial], count: int) -> list[_Trial]:
@@ -310,19 +334,21 @@ def _differs(assignment: Assignment, other: Assignment) -> bool:
     return 2 * sum(not (a & b) for a, b in pairs) >= len(pairs) > 0
 
 
+def _found(capture: Capture, index: int, segmenter: TextSegmenter, text: str) -> Hypotheses:
+    masks = segmenter.segment(image_of(capture, index), text).masks
+    view = capture.views[index]
+    return Hypotheses(view.id, view.joints, masks[masks.any(axis=(1, 2))])
+
+
 def _chosen(h: Hypotheses, choice: ArmChoice, index: int, nothing: str) -> ViewMask:
     chosen = list(choice.assignment[index])
     if chosen:
         others = len(h.masks) - len(chosen)
         notes = (f"{others} other detections are not this arm.",) if others else ()
-        mask = h.masks[chosen].any(axis=0)
+        mask = union(h.masks[chosen])
         return ViewMask(h.view_id, mask, score=float(choice.ious[index]), notes=notes)
     unexplained = "Nothing that was found lies where the joints put the arm."
     return ViewMask(h.view_id, None, score=0.0, notes=(unexplained if len(h.masks) else nothing,))
-
-
-def _any(masks: BoolArray) -> BoolArray | None:
-    return masks.any(axis=0) if len(masks) else None
 
 
 def _shrunk(masks: BoolArray, size: tuple[int, int]) -> F32:
@@ -332,6 +358,7 @@ def _shrunk(masks: BoolArray, size: tuple[int, int]) -> F32:
 
 
 _UNCLEAR = (
-    "Two of the things that the text model found explain the joints almost equally well: check in "
-    "the report that the outlined arm is the one whose joints were recorded."
+    "What the text model found is explained poorly by the joints, or two things are explained "
+    "about as well: check in the report that the outlined arm is the one whose joints were "
+    "recorded."
 )
