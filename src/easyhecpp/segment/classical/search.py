@@ -12,11 +12,12 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 
 from easyhecpp._parallel import parallel_map, usable_cores
 from easyhecpp.camera import Camera
-from easyhecpp.geometry import exp_so3, inverse, look_at, make_transform
+from easyhecpp.geometry import exp_so3, inverse, make_transform
+from easyhecpp.initialise.seeds import sphere_seeds
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.render._jit import jit
 from easyhecpp.segment.classical.change import ChangeMaps
-from easyhecpp.segment.classical.scene import COARSE_ERROR, Scene
+from easyhecpp.segment.classical.scene import Scene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -24,6 +25,12 @@ I32 = NDArray[np.int32]
 
 SEARCH_WIDTH = 80
 """Width of the images that the seeds are compared in, pixels."""
+
+SEARCH_MESH_ERROR = 0.012
+"""Metres that the simplified meshes of the search may be off: a fraction of its pixels."""
+
+SEARCH_VIEWS = 8
+"""Most views that the search looks at; the best of it is scored on all."""
 
 SEARCH_TOLERANCE = 0.3
 """What a pixel without change counts against a seed: seeds are off by degrees, arms are thin."""
@@ -50,24 +57,21 @@ class SeedGrid:
         camera = scene.camera
         half = min(0.5 * camera.width / camera.fx, 0.5 * camera.height / camera.fy)
         fill = scene.radius * np.sqrt(1.0 + half**2) / half
-        poses = []
-        for elevation in np.deg2rad(self.elevations_deg):
-            count = max(4, round(360.0 / self.azimuth_step_deg * np.cos(elevation)))
-            for azimuth in np.arange(count) * (2.0 * np.pi / count):
-                direction = np.array(
-                    [
-                        np.cos(elevation) * np.cos(azimuth),
-                        np.cos(elevation) * np.sin(azimuth),
-                        np.sin(elevation),
-                    ]
+        seeds = []
+        for elevation in self.elevations_deg:
+            count = max(4, round(360.0 / self.azimuth_step_deg * np.cos(np.deg2rad(elevation))))
+            azimuths = np.arange(count) * (360.0 / count)
+            for distance in self.distances:
+                seeds.append(
+                    sphere_seeds(
+                        scene.centre_mount,
+                        distance * fill,
+                        (elevation,),
+                        tuple(azimuths),
+                        self.rolls_deg,
+                    )
                 )
-                for distance in self.distances:
-                    eye = scene.centre_mount + distance * fill * direction
-                    T = look_at(eye, scene.centre_mount)
-                    for roll in np.deg2rad(self.rolls_deg):
-                        R = exp_so3(np.array([0.0, 0.0, roll]))
-                        poses.append(T @ make_transform(R, np.zeros(3)))
-        return np.stack(poses)
+        return np.concatenate(seeds)
 
 
 @dataclass(frozen=True)
@@ -116,7 +120,8 @@ class _Overlay:
             [cv2.resize(m, size, interpolation=cv2.INTER_AREA) for m in changes.maps]
         ).astype(np.float32)
         chosen = informative_pairs(small, changes.pairs, max_pairs)
-        self.pairs = np.ascontiguousarray(changes.pairs[chosen])
+        self.views, numbers = np.unique(changes.pairs[chosen], return_inverse=True)
+        self.pairs = np.ascontiguousarray(numbers.reshape(-1, 2).astype(np.int32))
         maps = np.maximum(small[chosen], np.float32(-SEARCH_TOLERANCE))
         self.scale = 1.0 / max(float(np.maximum(maps, 0.0).sum()), 1.0)
         self.camera = scene.camera.scaled(size[0] / scene.camera.width)
@@ -129,21 +134,21 @@ class _Overlay:
         self.reach = (size[1] // 2, size[0] // 2)
         self.scene = scene
         self.renderer = SilhouetteRenderer(
-            scene.rig.robot.simplified(COARSE_ERROR).meshes,
+            scene.rig.robot.simplified(SEARCH_MESH_ERROR).meshes,
             _moved(self.camera, canvas_w, canvas_h, left, top),
         )
 
     def __call__(self, T_mount_cam: F64) -> Scored:
         T_cam_mount = inverse(T_mount_cam)
-        covers = np.zeros((len(self.scene), *self.shape), np.float32)
-        for view, Ts in enumerate(self.scene.Ts_mount_link):
-            self.renderer.coverage(T_cam_mount @ Ts, covers[view])
-        spectrum = np.zeros(self.spectra.shape[1:], np.complex64)
-        a, b = covers[self.pairs[:, 0]], covers[self.pairs[:, 1]]
-        rendered = rfft2(a + b - 2.0 * a * b)
-        spectrum = np.einsum("phw,phw->hw", rendered, self.spectra)
+        covers = np.zeros((len(self.views), *self.shape), np.float32)
+        for cover, view in zip(covers, self.views, strict=True):
+            self.renderer.coverage(T_cam_mount @ self.scene.Ts_mount_link[view], cover)
+        differs = np.empty((len(self.pairs), *self.shape), np.float32)
+        _differences(covers, self.pairs, differs)
+        spectrum = rfft2(differs)
+        spectrum *= self.spectra
+        scores = irfft2(spectrum.sum(axis=0), s=self.shape)
         # Correlation: the value at shift s is the score of the rendering moved by -s.
-        scores = irfft2(spectrum, s=self.shape)
         ry, rx = self.reach
         near = np.roll(scores, (ry, rx), axis=(0, 1))[: 2 * ry + 1, : 2 * rx + 1]
         dy, dx = np.unravel_index(int(np.argmax(near)), near.shape)
@@ -173,17 +178,31 @@ def _moved(camera: Camera, width: int, height: int, left: int, top: int) -> Came
 
 
 def informative_pairs(maps: F32, pairs: I32, count: int) -> NDArray[np.intp]:
-    """Pairs with much change, every view about equally often; indices into ``pairs``."""
+    """Pairs with much change, among few views, every one of these about equally often."""
     gain = np.maximum(maps, 0.0).sum(axis=(1, 2)).astype(np.float64)
-    used = np.zeros(int(pairs.max()) + 1)
+    per_view = np.bincount(pairs.ravel(), np.repeat(gain, 2))
+    views = np.argsort(-per_view)[:SEARCH_VIEWS]
+    gain[~np.isin(pairs, views).all(axis=1)] = -1.0
+    used = np.zeros(len(per_view))
     chosen: list[int] = []
-    while len(chosen) < min(count, len(pairs)):
-        value = gain / (1.0 + used[pairs].sum(axis=1))
+    while len(chosen) < min(count, int(np.count_nonzero(gain >= 0.0))):
+        value = np.where(gain >= 0.0, gain / (1.0 + used[pairs].sum(axis=1)), -1.0)
         value[chosen] = -1.0
         best = int(np.argmax(value))
         chosen.append(best)
         used[pairs[best]] += 1.0
     return np.array(chosen, np.intp)
+
+
+@jit
+def _differences(covers: F32, pairs: I32, out: F32) -> None:
+    """Coverage of one view but not of the other, for every pair: ``(P, H, W)``."""
+    for p in range(pairs.shape[0]):
+        i, j = pairs[p, 0], pairs[p, 1]
+        for y in range(covers.shape[1]):
+            for x in range(covers.shape[2]):
+                a, b = covers[i, y, x], covers[j, y, x]
+                out[p, y, x] = a + b - np.float32(2.0) * a * b
 
 
 @jit
