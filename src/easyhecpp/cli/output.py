@@ -6,9 +6,10 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from easyhecpp.session.stages import Progress
+if TYPE_CHECKING:
+    from easyhecpp.session.stages import Progress
 
 
 def say(text: str = "") -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -13,22 +12,16 @@ from numpy.typing import NDArray
 from easyhecpp.capture import Capture
 from easyhecpp.formats.result_blocks import RobotBlock, ViewResult
 from easyhecpp.formats.result_file import ResultFile
-from easyhecpp.geometry import inverse, log_se3
-from easyhecpp.initialise import SamplingConfig, sample_initial_pose
-from easyhecpp.segment.protocols import CaptureMasks, PoseBelief
+from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
+from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.masks import ChosenSource, choose_source
+from easyhecpp.session.outcome import Outcome
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
-from easyhecpp.solve import Observation, PoseEstimate, SolveConfig
-from easyhecpp.solve.consistency import Findings, solve_consistent
+from easyhecpp.solve import PoseEstimate, SolveConfig
+from easyhecpp.solve.consistency import Findings
 
 F64 = NDArray[np.float64]
-
-_MAX_ROUNDS = 3
-"""Masks are made anew at the latest pose at most so often."""
-
-_STILL = 0.3
-"""Poses that differ by less than this share of their standard deviations count as the same."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +32,7 @@ class CalibrationConfig:
         segmenter: Where the masks come from: ``auto``, ``given``, ``classical``, or the name of a
             pretrained segmenter.
         first_pose: ``sphere`` searches all around the arm; ``paper`` the paper's grid at 1 m.
+        edges: Whether the outline is fitted to the image's own edges after the masks.
         text_weights: Folder or hub name in place of the text model's own weights.
         box_weights: The same for the box model.
         device: Where pretrained models run; None lets them choose.
@@ -47,6 +41,7 @@ class CalibrationConfig:
 
     segmenter: str = "auto"
     first_pose: Literal["sphere", "paper"] = "sphere"
+    edges: bool = True
     text_weights: str | None = None
     box_weights: str | None = None
     device: str | None = None
@@ -111,96 +106,44 @@ def calibrate(
             box_weights=config.box_weights,
             device=config.device,
         )
-    run = _Run(capture, config, chosen, stages)
-    masks = run.first_masks()
-    margin, starts = run.first_poses(masks)
-    estimate, findings = run.solve(masks, starts)
-    for _ in range(_MAX_ROUNDS if chosen.refines else 0):
-        before = estimate
-        masks = run.masks_at(estimate)
-        estimate, findings = run.solve(masks, [estimate.T_mount_cam])
-        if _same(before, estimate):
-            break
-    verdict = judge(estimate, findings, capture.rig, capture.camera, margin=margin)
-    return Calibration(
-        result=_result(capture, config, chosen, estimate, findings, verdict, stages, command),
-        capture=capture,
-        estimate=estimate,
-        findings=findings,
-        masks={v.view_id: v.mask for v in masks.views if v.mask is not None},
-        notes=(f"masks: {chosen.why}", *masks.notes),
+    if chosen.source is None:
+        outcome = calibrate_classically(capture, stages, config=config.solve)
+    else:
+        outcome = calibrate_from_masks(
+            capture, chosen, stages, first_pose=config.first_pose, config=config.solve
+        )
+        if config.edges:
+            outcome = refine_on_edges(capture, outcome, stages)
+    verdict = judge(
+        outcome.estimate,
+        outcome.findings,
+        capture.rig,
+        capture.camera,
+        margin=outcome.margin,
+        doubts=outcome.doubts,
     )
-
-
-@dataclass(frozen=True)
-class _Run:
-    """The stages of one calibration."""
-
-    capture: Capture
-    config: CalibrationConfig
-    chosen: ChosenSource
-    stages: Stages
-
-    def first_masks(self) -> CaptureMasks:
-        with self.stages.stage("masks", f"masks: {self.chosen.why}"):
-            return self.chosen.source.masks(self.capture, None)
-
-    def masks_at(self, estimate: PoseEstimate) -> CaptureMasks:
-        with self.stages.stage("masks", "masks at the latest pose"):
-            belief = PoseBelief(estimate.T_mount_cam, estimate.covariance)
-            return self.chosen.source.masks(self.capture, belief)
-
-    def first_poses(self, masks: CaptureMasks) -> tuple[float, list[F64]]:
-        """Margin of the best basin, and the poses to start from."""
-        if masks.belief is not None:
-            return 1.0, [masks.belief.T_mount_cam]
-        observations = self.observations(masks)
-        with self.stages.stage("first pose", f"first pose from {len(observations)} views"):
-            first = sample_initial_pose(
-                self.capture.rig,
-                self.capture.camera,
-                observations,
-                SamplingConfig(self.config.first_pose),
-            )
-        return first.margin, [first.T_mount_cam]
-
-    def solve(self, masks: CaptureMasks, starts: Sequence[F64]) -> tuple[PoseEstimate, Findings]:
-        with self.stages.stage("solve", "optimising the pose"):
-            return solve_consistent(
-                self.capture.rig,
-                self.capture.camera,
-                self.observations(masks),
-                starts,
-                self.config.solve,
-            )
-
-    def observations(self, masks: CaptureMasks) -> list[Observation]:
-        joints = {view.id: view.joints for view in self.capture.views}
-        return [
-            Observation(joints[v.view_id], v.mask, v.ignore, id=v.view_id)
-            for v in masks.views
-            if v.mask is not None
-        ]
-
-
-def _same(a: PoseEstimate, b: PoseEstimate) -> bool:
-    """Whether two estimates differ by much less than they are sure of."""
-    step = log_se3(inverse(a.T_mount_cam) @ b.T_mount_cam)
-    return bool(step @ np.linalg.solve(b.covariance, step) < 6.0 * _STILL**2)
+    return Calibration(
+        result=_result(capture, config, chosen, outcome, verdict, stages, command),
+        capture=capture,
+        estimate=outcome.estimate,
+        findings=outcome.findings,
+        masks={v.view_id: v.mask for v in outcome.masks.views if v.mask is not None},
+        notes=(f"masks: {chosen.why}", *outcome.notes),
+    )
 
 
 def _result(
     capture: Capture,
     config: CalibrationConfig,
     chosen: ChosenSource,
-    estimate: PoseEstimate,
-    findings: Findings,
+    outcome: Outcome,
     verdict: Verdict,
     stages: Stages,
     command: str | None,
 ) -> ResultFile:
+    estimate = outcome.estimate
     middle = estimate.T_mount_cam @ np.append(estimate.centre_cam, 1.0)
-    flags = {v.id: v.flags for v in findings.views}
+    flags = {v.id: v.flags for v in outcome.findings.views}
     return ResultFile.build(
         setup=capture.setup,
         robot=RobotBlock(
@@ -217,7 +160,7 @@ def _result(
                 id=v.id,
                 weight=v.weight,
                 rms_px=v.rms_px,
-                iou=min(1.0, v.iou),
+                iou=min(1.0, v.iou) if np.isfinite(v.iou) else None,
                 flags=tuple(dict.fromkeys((*v.flags, *flags.get(v.id, ())))),
             )
             for v in estimate.views

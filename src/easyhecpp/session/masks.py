@@ -7,7 +7,13 @@ from pathlib import Path
 
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
-from easyhecpp.segment.protocols import CaptureMasks, MaskSource, PoseBelief, ViewMask
+from easyhecpp.segment.protocols import (
+    CaptureMasks,
+    MaskSource,
+    PoseBelief,
+    ViewMask,
+    image_of,
+)
 
 GIVEN, CLASSICAL, AUTO = "given", "classical", "auto"
 
@@ -43,13 +49,13 @@ class ChosenSource:
     """A source of masks and why it was taken.
 
     Attributes:
-        source: Makes the masks.
+        source: Makes the masks; None for the classical way, which finds pose and masks together.
         name: As written into the result.
         why: A sentence for the user.
         refines: Whether better masks come out once a pose is known.
     """
 
-    source: MaskSource
+    source: MaskSource | None
     name: str
     why: str
     refines: bool
@@ -107,9 +113,7 @@ def _automatic(capture: Capture) -> ChosenSource:
 
 
 def _classical(why: str) -> ChosenSource:
-    from easyhecpp.segment.classical import ClassicalSegmenter
-
-    return ChosenSource(ClassicalSegmenter(), CLASSICAL, why, True)
+    return ChosenSource(None, CLASSICAL, why, True)
 
 
 def _pretrained(
@@ -145,6 +149,16 @@ class _FirstPoseElsewhere:
         """Masks by boxes once a pose is known, classical ones before."""
         if belief is not None:
             return self._boxes.masks(capture, belief)
-        from easyhecpp.segment.classical import ClassicalSegmenter
+        from easyhecpp.segment.classical import calibrate_from_images
 
-        return ClassicalSegmenter().masks(capture, None)
+        images = [image_of(capture, i) for i in range(len(capture.views))]
+        found = calibrate_from_images(
+            capture.rig,
+            capture.camera,
+            images,
+            [view.joints for view in capture.views],
+            ids=capture.view_ids,
+        )
+        return CaptureMasks(
+            found.masks, PoseBelief(found.T_mount_cam, found.estimate.covariance), found.reasons
+        )

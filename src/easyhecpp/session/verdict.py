@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -35,6 +36,7 @@ def judge(
     camera: Camera,
     *,
     margin: float = 1.0,
+    doubts: Sequence[str] = (),
 ) -> Verdict:
     """Judge a pose.
 
@@ -44,9 +46,10 @@ def judge(
         rig: Robot and set-up.
         camera: Intrinsics.
         margin: Mean IoU by which the first pose beat its best rival, see `InitialPose.margin`.
+        doubts: Reasons for doubt that an earlier stage found, sentences.
     """
     failed: list[str] = []
-    doubtful: list[str] = []
+    doubtful: list[str] = list(doubts)
     mean_iou = float(np.mean([v.iou for v in estimate.views]))
     if mean_iou < 0.6:
         failed.append(

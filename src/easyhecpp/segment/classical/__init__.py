@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.classical.calibrate import (
     ClassicalConfig,
     ClassicalResult,
@@ -9,4 +10,10 @@ from easyhecpp.segment.classical.calibrate import (
     calibrate_from_images,
 )
 
-__all__ = ["ClassicalConfig", "ClassicalResult", "ClassicalSegmenter", "calibrate_from_images"]
+__all__ = [
+    "Backgrounds",
+    "ClassicalConfig",
+    "ClassicalResult",
+    "ClassicalSegmenter",
+    "calibrate_from_images",
+]

@@ -1,0 +1,92 @@
+"""From images alone, without weights; and the edge stage that any way ends with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from easyhecpp.capture import Capture
+from easyhecpp.errors import InputError
+from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
+from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.edges import refine_edges
+from easyhecpp.segment.protocols import CaptureMasks, PoseBelief
+from easyhecpp.session.outcome import Outcome, observations_of
+from easyhecpp.session.stages import Stages
+from easyhecpp.solve import SolveConfig
+from easyhecpp.solve.consistency import solve_consistent
+
+FEWEST_VIEWS = 3
+"""With fewer views there is no background to tell the arm from."""
+
+
+def calibrate_classically(capture: Capture, stages: Stages, *, config: SolveConfig) -> Outcome:
+    """Images, joints, intrinsics and URDF; nothing else.
+
+    Raises:
+        InputError: A view without an image, or too few views.
+        CalibrationError: Nothing moved, or the arm cannot be found.
+    """
+    without = [view.id for view in capture.views if not view.has_image]
+    if without:
+        raise InputError(
+            f"These views have no image: {', '.join(without)}",
+            where=capture.name,
+            expected="one image per view, to find the arm in",
+            fix="add the images, or leave the rows out of joints.csv",
+        )
+    with stages.stage("images", "finding the arm in the images (no weights)"):
+        found = calibrate_from_images(
+            capture.rig,
+            capture.camera,
+            [view.image for view in capture.views if view.image is not None],
+            [view.joints for view in capture.views],
+            ids=capture.view_ids,
+        )
+    belief = PoseBelief(found.T_mount_cam, found.estimate.covariance)
+    masks = CaptureMasks(found.masks, belief)
+    with stages.stage("check", "checking the views against each other"):
+        _, findings = solve_consistent(
+            capture.rig,
+            capture.camera,
+            observations_of(capture, masks),
+            [found.T_mount_cam],
+            replace(config, start_error_px=min(config.start_error_px, 8.0)),
+        )
+    notes = tuple(f"view {q.view_id}: {note}" for q in found.quality for note in q.notes)
+    return Outcome(
+        found.estimate,
+        findings,
+        masks,
+        found.margin,
+        found.reasons,
+        (*notes, found.refinement.reason),
+    )
+
+
+def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outcome:
+    """Fit the contour to the image's own edges, where that is possible and proves better.
+
+    Left out without images, with fewer than three views, or with a camera that moves with the arm.
+    """
+    used = {view.id: view.weight for view in outcome.estimate.views}
+    views = [view for view in capture.views if view.has_image and view.id in used]
+    still = capture.rig.mount == capture.robot.base_link
+    if len(views) < FEWEST_VIEWS or len(views) < len(used) or not still:
+        return outcome
+    out = set(outcome.findings.inconsistent)
+    ignore = {mask.view_id: mask.ignore for mask in outcome.masks.views}
+    with stages.stage("edges", "fitting the outline to the images"):
+        scene = Scene(capture.rig, capture.camera, [view.joints for view in views])
+        images = [view.image for view in views if view.image is not None]
+        refined = refine_edges(
+            Backgrounds(scene, images, outcome.estimate.T_mount_cam),
+            outcome.estimate,
+            ids=[view.id for view in views],
+            weights=[0.0 if view.id in out else 1.0 for view in views],
+            ignore=[ignore.get(view.id) for view in views],
+        )
+    if refined.estimate is None:
+        return outcome
+    return replace(
+        outcome, estimate=refined.estimate, notes=(*outcome.notes, f"edges: {refined.reason}")
+    )

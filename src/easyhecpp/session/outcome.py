@@ -1,0 +1,50 @@
+"""What the stages of a calibration hand on to the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.capture import Capture
+from easyhecpp.segment.protocols import CaptureMasks
+from easyhecpp.solve import Observation, PoseEstimate
+from easyhecpp.solve.consistency import Findings
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A pose and what speaks for and against it.
+
+    Attributes:
+        estimate: The pose.
+        findings: How the views agree.
+        masks: The masks it rests on.
+        margin: By how much the first pose beat its best rival, in mean IoU.
+        doubts: Reasons, beyond those of the estimate, why it may be wrong; sentences.
+        notes: What the user should know about how it was done.
+    """
+
+    estimate: PoseEstimate
+    findings: Findings
+    masks: CaptureMasks
+    margin: float
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def observations_of(capture: Capture, masks: CaptureMasks) -> list[Observation]:
+    """The views that have a mask, as the optimiser takes them."""
+    joints = {view.id: view.joints for view in capture.views}
+    return [
+        Observation(joints[v.view_id], _plain(v.mask), v.ignore, id=v.view_id)
+        for v in masks.views
+        if v.mask is not None
+    ]
+
+
+def _plain(
+    mask: NDArray[np.bool_] | NDArray[np.float32],
+) -> NDArray[np.bool_] | NDArray[np.float32]:
+    return mask if mask.dtype == np.bool_ else mask.astype(np.float32)
