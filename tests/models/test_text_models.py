@@ -90,7 +90,7 @@ def test_grounded_sam_outlines_each_box_and_encodes_once(tiny, dino, picture):
     remembering = RememberingSegmenter(sam)
     grounded = GroundedSegmenter(dino, remembering)
     assert isinstance(grounded, TextSegmenter)
-    assert grounded.name == "Grounding DINO + SAM"
+    assert grounded.name == "Grounding DINO (grounding_dino) + SAM (sam)"
     answer = grounded.segment(picture, "robot arm")
     found = dino.detect(picture, "robot arm")
     assert answer.masks.shape == (len(found), *picture.shape[:2])

@@ -56,7 +56,7 @@ def test_a_folder_is_taken_as_it_is(tiny, cache, monkeypatch):
     folder = tiny("sam")
     assert resolve(SPEC, folder) == folder
     assert resolve(SPEC, str(folder)) == folder
-    assert load_sam(folder).name == "SAM"
+    assert load_sam(folder).name == "SAM (sam)"
 
 
 def test_weights_in_the_cache_need_no_network(cache, monkeypatch):

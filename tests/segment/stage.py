@@ -115,7 +115,7 @@ class Stage:
         """All poses, with ``extras`` for ``picture``."""
         others = extras.pop("others", [None] * len(POSES))
         views = tuple(
-            View(f"{i:04d}", q, image=self.picture(q, other, **extras))
+            View(f"{i:04d}", q, image=self.picture(q, other, **extras), mask=self.arm(q) >= 0)
             for i, (q, other) in enumerate(zip(POSES, others, strict=True))
         )
         return Capture("stage", None, "eye-to-hand", self.robot, self.camera, views)

@@ -27,8 +27,16 @@ _VOCABULARIES = ("tokenizer.json", "vocab.txt", "vocab.json")
 
 @dataclass(frozen=True)
 class LoadedModel:
-    """A model on its device, and the folder that it came from."""
+    """A model on its device, and where it came from.
 
+    Attributes:
+        name: the model and its weights, as in "SAM (sam-vit-huge)".
+        model: the model itself.
+        folder: holds the weights and what belongs to them.
+        device: where the model is.
+    """
+
+    name: str
     model: Any
     folder: Path
     device: torch.device
@@ -65,7 +73,8 @@ def load(
     except Exception as error:  # safetensors, torch and transformers raise a dozen kinds
         raise _unreadable(spec, folder, str(error).strip().splitlines()[0]) from error
     _refuse_holes(spec, folder, model, info)
-    return LoadedModel(model.eval().to(device), folder, device)
+    name = f"{spec.model} ({Path(weights or spec.default).name})"
+    return LoadedModel(name, model.eval().to(device), folder, device)
 
 
 def load_tokenizer(spec: WeightsSpec, folder: Path) -> Any:

@@ -61,9 +61,8 @@ class PromptedSegmenter:
     ) -> None:
         self.runtime = runtime or Runtime()
         self.prompts_at_once = prompts_at_once
-        self._name = family.weights.model
         loaded = load(family.class_name, family.weights, weights, self.runtime)
-        self.model, self.device, self.folder = loaded.model, loaded.device, loaded.folder
+        self._name, self.model, self.device = loaded.name, loaded.model, loaded.device
         size = _side(self.model.prompt_encoder.input_image_size)
         self.preprocessing = replace(family.preprocessing, size=size).with_settings(
             preprocessor_settings(loaded.folder)
@@ -71,7 +70,7 @@ class PromptedSegmenter:
 
     @property
     def name(self) -> str:
-        """The model's name."""
+        """The model and its weights."""
         return self._name
 
     def encode(self, image: NDArray[np.uint8]) -> PromptedImage:

@@ -54,14 +54,14 @@ class GroundingDino:
             self.runtime,
             disable_custom_kernels=True,
         )
-        self.model, self.device = loaded.model, loaded.device
+        self._name, self.model, self.device = loaded.name, loaded.model, loaded.device
         self.tokenizer = load_tokenizer(GROUNDING_DINO, loaded.folder)
         self.preprocessing = _PREPROCESSING.with_settings(preprocessor_settings(loaded.folder))
 
     @property
     def name(self) -> str:
-        """The model's name."""
-        return GROUNDING_DINO.model
+        """The model and its weights."""
+        return self._name
 
     def detect(self, image: NDArray[np.uint8], text: str) -> ScoredBoxes:
         """Boxes of ``text``, best first."""

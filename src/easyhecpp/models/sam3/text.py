@@ -44,7 +44,7 @@ class Sam3Text:
         self.runtime = runtime or Runtime()
         self.threshold, self.at_most = threshold, at_most
         loaded = load("Sam3Model", SAM3_TEXT, weights, self.runtime)
-        self.model, self.device = loaded.model, loaded.device
+        self._name, self.model, self.device = loaded.name, loaded.model, loaded.device
         self.tokenizer = load_tokenizer(SAM3_TEXT, loaded.folder)
         size = int(np.ravel(self.model.config.vision_config.image_size)[0])
         self.preprocessing = replace(SAM3_PREPROCESSING, size=size).with_settings(
@@ -53,8 +53,8 @@ class Sam3Text:
 
     @property
     def name(self) -> str:
-        """The model's name."""
-        return SAM3_TEXT.model
+        """The model and its weights."""
+        return self._name
 
     def segment(self, image: NDArray[np.uint8], text: str) -> ScoredMasks:
         """Masks of the instances of ``text``, best first."""
