@@ -28,6 +28,7 @@ from easyhecpp.report.residuals import (
     axis_limit_px,
     contour_plot,
     link_table,
+    odd_links,
 )
 from easyhecpp.report.scene import scene_svg
 from easyhecpp.report.uncertainty import Uncertainty
@@ -46,7 +47,7 @@ class ViewCard:
 
     Attributes:
         id: Its name.
-        status: ``used``, ``partly used``, ``left out`` or ``no mask``.
+        status: ``used``, ``partly used``, ``left out`` or ``no mask``; "" without a pose.
         fit: Its entry in the result, None when it took no part at all.
         flags: Findings, in words.
         picture: Picture and outlines.
@@ -100,12 +101,13 @@ def report_html(
         _card(result, picture, picture.id in (masks or {}), fits.get(picture.id), names, limit)
         for picture in view_pictures(capture, T, masks or {})
     ]
+    links = [] if estimate is None else link_table(estimate, names)
     uncertainty = Uncertainty.of(result)
     shown = next((v for v in capture.views if _weight(result, v.id) > 0), capture.views[0])
-    scene = ""
+    scene, scene_note = "", ""
     if T is not None:
         covariance = None if uncertainty is None else uncertainty.camera
-        scene = scene_svg(capture, shown.joints, T, covariance)
+        scene, scene_note = scene_svg(capture, shown.joints, T, covariance)
     return _template().render(
         result=result,
         capture=capture,
@@ -116,11 +118,13 @@ def report_html(
         uncertainty=uncertainty,
         mm_per_px=_mm_per_px(result, uncertainty),
         scene=Markup(scene),
+        scene_note=scene_note,
         scene_view=shown.id,
         ellipsoids=Markup("" if uncertainty is None else ellipsoid_panels(uncertainty)),
         histogram=Markup("" if estimate is None else all_views_histogram(estimate, limit)),
         dilation_px=None if estimate is None else estimate.dilation_px,
-        links=() if estimate is None else link_table(estimate, names),
+        links=links,
+        odd_links=odd_links(links),
         link_views=() if estimate is None else tuple(view.id for view in estimate.views),
         limit_px=limit,
         size=(capture.camera.width, capture.camera.height),
@@ -160,9 +164,11 @@ def _card(
 
 
 def _status(result: ResultFile, fit: ViewResult | None, has_mask: bool) -> str:
-    if fit is None:
-        return "left out" if has_mask else "no mask"
-    if fit.weight == 0:
+    if fit is None and not has_mask:
+        return "no mask"
+    if result.T_mount_cam is None:
+        return ""
+    if fit is None or fit.weight == 0:
         return "left out"
     typical = float(np.median([view.weight for view in result.views if view.weight > 0]))
     return "used" if fit.weight >= _LOW_WEIGHT * typical else "partly used"
@@ -189,6 +195,7 @@ def _template() -> Any:
         "matrix": _matrix,
         "numbers": _numbers,
         "shade": _shade,
+        "signed": _signed,
         "xyzw": _xyzw,
     }
     environment.filters.update(filters)
@@ -215,6 +222,11 @@ def _matrix(transform: Transform) -> str:
 
 def _xyzw(quat_wxyz: tuple[float, ...]) -> tuple[float, ...]:
     return (*quat_wxyz[1:], quat_wxyz[0])
+
+
+def _signed(value: float) -> str:
+    """With its sign and one decimal; plain 0.0 for what rounds to nothing."""
+    return f"{value:+.1f}" if abs(value) >= 0.05 else "0.0"
 
 
 def _shade(value: float) -> str:

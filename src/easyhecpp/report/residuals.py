@@ -16,6 +16,8 @@ F64 = NDArray[np.float64]
 
 # A cell of the table needs this length of contour to say something.
 _MIN_CELL_PX = 25
+# A link is odd when it is off by this much, and by this many times what links usually are.
+_ODD_PX, _ODD_RATIO = 3.0, 4.0
 _STEP_PX = 3
 _SMALLEST_LIMIT_PX, _LARGEST_LIMIT_PX = 2.0, 12.0
 
@@ -93,6 +95,21 @@ def link_table(estimate: PoseEstimate, names: Sequence[str]) -> list[LinkRow]:
         if len(together) >= _MIN_CELL_PX:
             rows.append(LinkRow(name, tuple(_median(part) for part in parts), _median(together)))
     return rows
+
+
+def odd_links(rows: Sequence[LinkRow]) -> list[LinkRow]:
+    """Links that are off in the same direction in most views, and far more so than the others."""
+    middles = [abs(row.overall) for row in rows if row.overall is not None]
+    bound = max(_ODD_PX, _ODD_RATIO * float(np.median(middles))) if middles else np.inf
+    found: list[LinkRow] = []
+    for row in rows:
+        cells = [cell for cell in row.cells if cell is not None]
+        if row.overall is None or len(cells) < 2:
+            continue
+        same = [cell for cell in cells if cell * row.overall > 0 and abs(cell) > 0.5 * bound]
+        if abs(row.overall) > bound and 2 * len(same) > len(cells):
+            found.append(row)
+    return found
 
 
 def _median(values: F64) -> float | None:

@@ -21,9 +21,10 @@ F64 = NDArray[np.float64]
 _WIDTH, _HEIGHT = 560, 330
 _OVERSAMPLE = 2
 _FOCAL_PX = 900.0
-_MARGIN_PX = 34.0
+_MARGIN_PX = 30.0
 _GRAZE_DEG, _TURN_DEG = 24.0, 62.0
 _LEVELS = 24
+_FLOOR_STEP = 0.25
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class _Stage:
 
 def scene_svg(
     capture: Capture, joints: F64, T_mount_cam: F64, position_covariance: F64 | None = None
-) -> str:
+) -> tuple[str, str]:
     """Draw the arm at one view's joints, its base, the camera with its field of view.
 
     Args:
@@ -47,7 +48,10 @@ def scene_svg(
         joints: ``(n,)``.
         T_mount_cam: ``(4, 4)``.
         position_covariance: ``(3, 3)`` of the camera's centre along its own axes, square metres;
-            drawn as the 95 % ellipsoid, much enlarged, which the picture says.
+            drawn as the 95 % ellipsoid, enlarged by a round factor.
+
+    Returns:
+        The SVG, and a sentence on the scale of what it shows.
     """
     rig = capture.rig
     Ts_mount_link = rig.Ts_mount_link(joints)
@@ -67,12 +71,18 @@ def scene_svg(
         _arm(renderer, stage.T_view_mount @ Ts_mount_link),
         *_axes(stage, T_mount_base, 0.16 * distance),
     ]
+    note = f"One square of the floor is {_FLOOR_STEP:g} m."
     if position_covariance is not None:
-        parts += _ellipsoid(stage, T_mount_cam, position_covariance, 0.09 * distance)
+        factor = _enlargement(position_covariance, 0.09 * distance)
+        parts += _ellipsoid(stage, T_mount_cam, factor**2 * position_covariance)
+        note += f" The camera's 95 % ellipsoid is drawn {factor:,g} times enlarged."
     parts += _camera(stage, frustum)
     parts += _axes(stage, T_mount_cam, 0.13 * distance)
-    parts += _labels(stage, T_mount_base[:3, 3], frustum[0], rig.mount, capture.robot.base_link)
-    return "".join([*parts, "</svg>"])
+    parts += _camera_label(stage, frustum)
+    parts += _label(stage, T_mount_base[:3, 3], capture.robot.base_link)
+    if rig.mount != capture.robot.base_link:
+        parts += _label(stage, np.zeros(3), rig.mount)
+    return "".join([*parts, "</svg>"]), note
 
 
 def _frustum(camera: Camera, depth: float) -> F64:
@@ -142,9 +152,9 @@ def _shade(depth: NDArray[np.float32], focal_px: float, alpha: NDArray[np.float3
 
 
 def _floor(stage: _Stage, T_mount_base: F64, points: F64) -> list[str]:
-    """A grid of quarter metres through the base's origin."""
+    """A grid through the base's origin."""
     flat = transform_points(inverse(T_mount_base), points)[:, :2]
-    step = 0.25
+    step = _FLOOR_STEP
     low = np.floor(flat.min(axis=0) / step) * step
     high = np.ceil(flat.max(axis=0) / step) * step
     if float((high - low).max()) > 40 * step:
@@ -176,43 +186,47 @@ def _camera(stage: _Stage, frustum: F64) -> list[str]:
     ]
 
 
-def _ellipsoid(stage: _Stage, T_mount_cam: F64, covariance: F64, size: float) -> list[str]:
-    """The 95 % ellipsoid, enlarged by a round factor to about the given size."""
+def _enlargement(covariance: F64, size: float) -> float:
+    """The round factor that brings the 95 % ellipsoid closest to a size without exceeding it."""
     longest = SIGMAS_95 * float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 1e-18)))
-    power = 10.0 ** np.floor(np.log10(size / longest))
-    factor = float(max(f for f in (1, 2, 5) if f * power <= size / longest) * power)
-    if factor < 2.0:
-        return []
-    R = (stage.T_view_mount @ T_mount_cam)[:3, :3]
-    p_view = (stage.T_view_mount @ T_mount_cam)[:3, 3]
-    _, J = stage.camera.project_with_jacobian(p_view)
-    plane = J @ R @ ((SIGMAS_95 * factor) ** 2 * covariance) @ R.T @ J.T
-    squares, vectors = np.linalg.eigh(plane)
+    wanted = size / longest
+    if wanted < 2.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max(f for f in (1, 2, 5) if f * power <= wanted) * power)
+
+
+def _ellipsoid(stage: _Stage, T_mount_cam: F64, covariance: F64) -> list[str]:
+    T_view_cam = stage.T_view_mount @ T_mount_cam
+    _, J = stage.camera.project_with_jacobian(T_view_cam[:3, 3])
+    A = SIGMAS_95 * J @ T_view_cam[:3, :3]
+    squares, vectors = np.linalg.eigh(A @ covariance @ A.T)
     radii = np.sqrt(np.maximum(squares, 0.25))
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    x, y = stage.camera.project(p_view).tolist()
+    x, y = stage.camera.project(T_view_cam[:3, 3]).tolist()
     return [
         f'<ellipse class="camera" rx="{radii[1]:.1f}" ry="{radii[0]:.1f}" '
-        f'transform="translate({x:.1f} {y:.1f}) rotate({angle:.1f})"/>',
-        f'<text class="tick" x="8" y="{_HEIGHT - 8}">floor squares 0.25 m · ellipsoid 95 %, '
-        f"enlarged {factor:g} times</text>",
+        f'transform="translate({x:.1f} {y:.1f}) rotate({angle:.1f})"/>'
     ]
 
 
-def _labels(stage: _Stage, base: F64, camera: F64, mount: str, base_link: str) -> list[str]:
-    names = [("camera", camera, -14.0), (base_link, base, 24.0)]
-    if mount != base_link:
-        names.append((mount, np.zeros(3), 24.0))
-    parts: list[str] = []
-    for name, point, below in names:
-        x, y = stage.pixels(point[None])[0].tolist()
-        half = 3.6 * len(name)
-        x = float(np.clip(x, half + 4.0, _WIDTH - half - 4.0))
-        parts.append(
-            f'<text class="label" x="{x:.1f}" y="{y + below:.1f}" text-anchor="middle">'
-            f"{escape(name)}</text>"
-        )
-    return parts
+def _camera_label(stage: _Stage, frustum: F64) -> list[str]:
+    """Behind the camera, where its field of view does not hide the word."""
+    px = stage.pixels(frustum)
+    away = px[0] - px[1:].mean(axis=0)
+    away = away / max(float(np.linalg.norm(away)), 1e-9)
+    return [_text(px[0] + away * (40.0, 24.0) + (0.0, 4.0), "camera")]
+
+
+def _label(stage: _Stage, point: F64, name: str) -> list[str]:
+    return [_text(stage.pixels(point[None])[0] + (0.0, 24.0), name)]
+
+
+def _text(at: F64, name: str) -> str:
+    half = 3.6 * len(name)
+    x = float(np.clip(at[0], half + 2.0, _WIDTH - half - 2.0))
+    y = float(np.clip(at[1], 12.0, _HEIGHT - 4.0))
+    return f'<text class="label" x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{escape(name)}</text>'
 
 
 def _line(pixels: F64) -> str:

@@ -56,6 +56,7 @@ _IMPERATIVES = frozenset(
     }
     | {"turn", "use", "wait"}
 )
+_POINTS_BACK = re.compile(r"\b(it|its|them|their|they|these|those)\b", re.IGNORECASE)
 _OK_NEXT = (
     "Glance at the outlines below: the pink line should follow the arm in every picture.",
     "Export the pose to your system with `easyhecpp export`.",
@@ -102,23 +103,27 @@ def verdict_text(result: ResultFile) -> VerdictText:
 
 
 def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Findings and advice out of sentences that mix both; nothing is said twice.
+    """Findings and advice out of reasons that mix both; nothing is said twice.
 
-    A reason's findings stay together as one; what it tells the reader to do is taken out of it.
+    A sentence that begins with an imperative is advice. Where it speaks of "them" or "it", the
+    whole reason is kept as the advice, so that the reader knows of what.
     """
     why: dict[str, None] = {}
     advice: dict[str, None] = {}
     for reason in reasons:
-        findings: list[str] = []
-        for sentence in re.split(r"(?<=[.!?])\s+(?=[A-Z`])", reason.strip()):
-            word = re.split(r"[\s,:]", sentence, maxsplit=1)[0].lower()
-            if word in _IMPERATIVES:
-                advice[sentence] = None
-            elif sentence:
-                findings.append(sentence)
-        if findings:
-            why[" ".join(findings)] = None
+        sentences = re.split(r"(?<=[.!?])\s+(?=[A-Z`])", reason.strip())
+        is_advice = [_first_word(sentence) in _IMPERATIVES for sentence in sentences]
+        todo = " ".join(s for s, yes in zip(sentences, is_advice, strict=True) if yes)
+        found = " ".join(s for s, yes in zip(sentences, is_advice, strict=True) if not yes)
+        if found:
+            why[found] = None
+        if todo:
+            advice[reason.strip() if _POINTS_BACK.search(todo) else todo] = None
     return tuple(why), tuple(advice)
+
+
+def _first_word(sentence: str) -> str:
+    return re.split(r"[\s,:]", sentence, maxsplit=1)[0].lower()
 
 
 def flag_text(flag: str) -> str:
