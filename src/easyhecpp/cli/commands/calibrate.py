@@ -38,6 +38,9 @@ class Calibrate:
     first_pose: Literal["sphere", "paper"] = "sphere"
     """Search for the first pose: all around the arm at any distance, or the paper's grid at 1 m."""
 
+    no_edges: bool = False
+    """Leave out the last stage, which fits the outline to the image's own edges."""
+
     text_weights: str | None = None
     """Folder or hub name in place of a pretrained text model's own weights."""
 
@@ -72,6 +75,7 @@ class Calibrate:
                     CalibrationConfig(
                         segmenter=self.segmenter,
                         first_pose=self.first_pose,
+                    edges=not self.no_edges,
                         text_weights=self.text_weights,
                         box_weights=self.box_weights,
                         device=self.device,
