@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.camera import Camera
+from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, pose_covariance_from_centred
 from easyhecpp.rig import Rig
 from easyhecpp.solve.correlated import Solution, generalised_least_squares
@@ -54,13 +55,13 @@ def solve_pose(
         The best pose seen, its covariance and how each view agrees with it.
 
     Raises:
-        InputError: No view, or sizes that do not fit.
+        InputError: No view, sizes that do not fit, or a start that is no transform.
         CalibrationError: The arm is in no view at the start.
     """
     config = config or SolveConfig()
     clock = time.perf_counter()
     problem = PoseProblem(rig, camera, observations)
-    T = inverse(np.asarray(T_mount_cam_init, np.float64))
+    T = inverse(_checked(T_mount_cam_init))
     timings = {"prepare": time.perf_counter() - clock}
     converged = True
     for level in _levels(config.start_error_px):
@@ -72,6 +73,17 @@ def solve_pose(
     final = generalised_least_squares(problem, T, config.dilation_prior_px)
     timings["correlated"] = time.perf_counter() - clock
     return _estimate(problem, final, converged, timings)
+
+
+def _checked(T_mount_cam_init: F64) -> F64:
+    T = np.asarray(T_mount_cam_init, np.float64)
+    if T.shape != (4, 4) or not np.isfinite(T).all():
+        raise InputError(
+            "The pose to start from is no transform",
+            where=f"T_mount_cam_init = {T.tolist()}",
+            expected="a (4, 4) matrix of finite numbers",
+        )
+    return T
 
 
 def _levels(start_error_px: float) -> list[Level]:
@@ -110,7 +122,7 @@ def _estimate(
                 weights=w,
                 jacobians=e.jacobians,
                 links=e.contour.links,
-            )  # fmt: skip
+            )
         )
     return PoseEstimate(
         T_mount_cam=inverse(final.T_cam_mount),

@@ -29,7 +29,7 @@ class PoseProblem:
         masks: The observations' masks, when another problem has prepared them already.
 
     Raises:
-        InputError: No view, or a mask whose size is not the camera's.
+        InputError: No view, or a mask that does not have the camera's size or is no mask.
     """
 
     def __init__(
@@ -44,13 +44,7 @@ class PoseProblem:
                 "There is no view to solve for", expected="at least one view with a mask"
             )
         for i, o in enumerate(observations):
-            if o.mask.shape != (camera.height, camera.width):
-                raise InputError(
-                    f"The mask is {o.mask.shape[1]}x{o.mask.shape[0]} pixels, "
-                    f"the camera {camera.width}x{camera.height}",
-                    where=f"view {o.id or i}",
-                    expected="masks of the camera's size",
-                )
+            _check(o, camera, f"view {o.id or i}")
         self.rig = rig
         self.camera = camera
         self.observations = tuple(observations)
@@ -107,3 +101,23 @@ class PoseProblem:
         posed = np.einsum("vlij,lj->vli", self.Ts_mount_link[..., :3, :3], middles)
         posed = posed + self.Ts_mount_link[..., :3, 3]
         return (areas[:, None] * posed).sum(axis=1).mean(axis=0) / areas.sum()
+
+
+def _check(observation: Observation, camera: Camera, where: str) -> None:
+    """Raise an `InputError` unless the mask, and the region to ignore, fit the camera."""
+    size = (camera.height, camera.width)
+    mask, ignore = observation.mask, observation.ignore
+    for what, image in (("mask", mask), ("region to ignore", ignore)):
+        if image is not None and image.shape != size:
+            raise InputError(
+                f"The {what} is {image.shape[-1]}x{image.shape[0]} pixels, "
+                f"the camera {camera.width}x{camera.height}",
+                where=where,
+                expected="masks of the camera's size",
+            )
+    if mask.dtype != np.bool_ and not (mask.min() >= 0.0 and mask.max() <= 1.0):
+        raise InputError(
+            f"The mask's values run from {mask.min():g} to {mask.max():g}",
+            where=where,
+            expected="true and false, or numbers from 0 to 1",
+        )
