@@ -11,6 +11,7 @@ import numpy as np
 
 from easyhecpp._atomic import write_image
 from easyhecpp.errors import InputError
+from easyhecpp.report.html import write_report
 from easyhecpp.report.overlay import write_overlays
 from easyhecpp.session.calibration import Calibration
 
@@ -48,12 +49,13 @@ def _make(folder: Path) -> None:
 
 
 def save(found: Calibration, folder: Path) -> None:
-    """Write overlays and, last of all, ``result.json``: where it stands, everything does.
+    """Write overlays, the report and, last, ``result.json``: where it stands, everything does.
 
     Raises:
         InputError: A file cannot be written.
     """
     write_overlays(folder / "overlays", found.capture, found.T_mount_cam)
+    write_report(folder / "report.html", found.result, found.capture, found.estimate, found.masks)
     found.result.write(folder / "result.json")
 
 

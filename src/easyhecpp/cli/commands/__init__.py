@@ -16,6 +16,7 @@ from easyhecpp.cli.commands.export import Export
 from easyhecpp.cli.commands.info import Info
 from easyhecpp.cli.commands.overlay import Overlay
 from easyhecpp.cli.commands.segment import Segment
+from easyhecpp.cli.commands.view import View
 
 
 class Command(Protocol):
@@ -34,6 +35,7 @@ def parse(words: Sequence[str]) -> Command:
         | Annotated[Info, tyro.conf.subcommand("info")]
         | Annotated[Segment, tyro.conf.subcommand("segment")]
         | Annotated[Overlay, tyro.conf.subcommand("overlay")]
+        | Annotated[View, tyro.conf.subcommand("view")]
         | Annotated[Export, tyro.conf.subcommand("export")]
         | Annotated[Compare, tyro.conf.subcommand("compare")]
         | Annotated[Bench, tyro.conf.subcommand("bench")]

@@ -75,7 +75,7 @@ class Calibrate:
                     CalibrationConfig(
                         segmenter=self.segmenter,
                         first_pose=self.first_pose,
-                    edges=not self.no_edges,
+                        edges=not self.no_edges,
                         text_weights=self.text_weights,
                         box_weights=self.box_weights,
                         device=self.device,
