@@ -8,11 +8,16 @@ the errors of one view as a Gaussian process with covariance
 
 over fixed lengths ``l_k``, with the variances ``a_k >= 0`` from the residuals' products. The factor
 with the normals makes the two sides of a thin link err independently. It is a product of two
-positive semi-definite kernels, so C always is a covariance.
+positive semi-definite kernels, so C always is a covariance. A fixed small part stands for what
+cutting masks at one half does to edges: two equal cuts leave no residual, yet the pose is not exact.
+
+Fitting a pose takes variance out of the residuals, the more the fewer views. Its share is put back
+(the step of expectation maximisation): ``E[e e'] = r r' + A cov(x) A'``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +33,9 @@ LENGTHS_PX = (3.0, 8.0, 24.0, 80.0)
 
 CELL_PX = 6.0
 """Samples of one link, one direction and one square of this size are averaged to one point."""
+
+FLOOR_PX, FLOOR_LENGTH_PX = 0.03, 20.0
+"""Standard deviation and correlation length of what thresholding leaves of an edge's place."""
 
 _LAG_EDGES_PX = np.array([1e-6, 3.0, 6.0, 9.0, 13.0, 19.0, 28.0, 42.0, 64.0, 100.0])
 
@@ -94,11 +102,14 @@ class NoiseModel:
         variances: ``(K,)`` px^2 for each of :data:`LENGTHS_PX`.
         nugget: px^2 of a point that averages one cell's width of contour.
         view_scale: ``(V,)`` standard deviation of each view's errors relative to all.
+        gain: By how much residuals follow a displacement: those of a smoothed difference saturate,
+            so that noise makes them follow less.
     """
 
     variances: F64
     nugget: float
     view_scale: F64
+    gain: float = 1.0
 
     @property
     def sigma_px(self) -> float:
@@ -117,7 +128,12 @@ class NoiseModel:
         # A robust weight under one is a larger variance of that point alone.
         own = own + self.sigma_px**2 * (1.0 / points.weights - 1.0)
         C[np.diag_indices_from(C)] += own + 1e-6
-        return C * self.view_scale[view] ** 2
+        C *= self.view_scale[view] ** 2
+        return C + FLOOR_PX**2 * facing * np.exp(-distance / FLOOR_LENGTH_PX)
+
+    def design(self, points: ContourPoints) -> F64:
+        """Change of the residuals by ``[delta, dilation]``: ``(N, 7)``."""
+        return self.gain * np.column_stack([points.jacobians, np.ones(len(points))])
 
 
 def _pair_geometry(points: ContourPoints) -> tuple[F64, F64]:
@@ -128,19 +144,26 @@ def _pair_geometry(points: ContourPoints) -> tuple[F64, F64]:
     return distance, 0.5 * (1.0 + points.normals @ points.normals.T)
 
 
-def fit_noise(views: list[ContourPoints], trust: F64) -> NoiseModel:
+def fit_noise(
+    views: Sequence[ContourPoints],
+    trust: F64,
+    smoothing_px: float,
+    taken: Sequence[F64] | None = None,
+) -> NoiseModel:
     """Fit the variances to the products of residuals, over all views.
 
     Args:
         views: Points of each view at the best pose; a view may be empty.
         trust: ``(V,)`` weight of each view; one of weight 0 has no say.
+        smoothing_px: Standard deviation of the smoothing behind the residuals.
+        taken: Per view a factor ``(N, 7)`` of the covariance that the fit took out of them.
     """
     scale = _view_scales(views, trust)
     products = np.zeros(len(_LAG_EDGES_PX) - 1)
     kernels = np.zeros((len(_LAG_EDGES_PX) - 1, len(LENGTHS_PX)))
     counts = np.zeros(len(_LAG_EDGES_PX) - 1)
     power, n_points = 0.0, 0
-    for points, s, weight in zip(views, scale, trust, strict=True):
+    for view, (points, s, weight) in enumerate(zip(views, scale, trust, strict=True)):
         if weight <= 0.0 or len(points) < 2:
             continue
         r = points.residuals / s
@@ -148,11 +171,16 @@ def fit_noise(views: list[ContourPoints], trust: F64) -> NoiseModel:
         i, j = np.nonzero(np.triu((distance < _LAG_EDGES_PX[-1]) & (facing > 0.75), k=1))
         d, f = distance[i, j], facing[i, j]
         lag = np.clip(np.searchsorted(_LAG_EDGES_PX, d, side="right") - 1, 0, len(counts) - 1)
-        products += np.bincount(lag, r[i] * r[j], minlength=len(counts))
+        product = r[i] * r[j]
+        power += float(r @ r)
+        if taken is not None:
+            L = taken[view] / s
+            product = product + np.einsum("nk,nk->n", L[i], L[j])
+            power += float(np.square(L).sum())
+        products += np.bincount(lag, product, minlength=len(counts))
         counts += np.bincount(lag, minlength=len(counts))
         for k, length in enumerate(LENGTHS_PX):
             kernels[:, k] += np.bincount(lag, f * np.exp(-d / length), minlength=len(counts))
-        power += float(r @ r)
         n_points += len(r)
     if n_points == 0:
         return NoiseModel(np.zeros(len(LENGTHS_PX)), 1.0, scale)
@@ -165,10 +193,29 @@ def fit_noise(views: list[ContourPoints], trust: F64) -> NoiseModel:
     )
     mean_power = power / n_points
     variances *= min(1.0, 0.98 * mean_power / max(variances.sum(), 1e-12))
-    return NoiseModel(variances, max(mean_power - variances.sum(), 1e-4), scale)
+    return NoiseModel(
+        variances,
+        max(mean_power - variances.sum(), 1e-4),
+        scale,
+        _gain(_pooled_power(views, trust), smoothing_px),
+    )
 
 
-def _view_scales(views: list[ContourPoints], trust: F64) -> F64:
+def _pooled_power(views: Sequence[ContourPoints], trust: F64) -> float:
+    used = [v.residuals for v, w in zip(views, trust, strict=True) if w > 0.0]
+    return float(np.mean(np.square(np.concatenate(used))))
+
+
+def _gain(power: float, smoothing_px: float) -> float:
+    """Mean slope of ``r = s sqrt(2 pi) (Phi(n / s) - 1/2)`` for normal n, from the variance of r.
+
+    With ``u = var n / (s^2 + var n)``: ``var r = s^2 arcsin(u)`` and the mean slope is
+    ``sqrt(1 - u)``.
+    """
+    return float(np.sqrt(1.0 - np.sin(min(power / smoothing_px**2, 1.3))))
+
+
+def _view_scales(views: Sequence[ContourPoints], trust: F64) -> F64:
     """Standard deviation of each view relative to the pooled one, drawn towards 1."""
     spread = np.array(
         [float(np.sqrt(np.mean(v.residuals**2))) if len(v) else np.nan for v in views]
