@@ -35,8 +35,6 @@ from easyhecpp.report.uncertainty import Uncertainty
 from easyhecpp.report.wording import flag_text, verdict_text
 from easyhecpp.solve import ContourFit, PoseEstimate
 
-Mask = NDArray[np.bool_]
-
 # A view whose weight is below this share of the typical one counts as "partly used".
 _LOW_WEIGHT = 0.6
 
@@ -67,7 +65,7 @@ def write_report(
     result: ResultFile,
     capture: Capture,
     estimate: PoseEstimate | None = None,
-    masks: Mapping[str, Mask] | None = None,
+    masks: Mapping[str, NDArray[Any]] | None = None,
 ) -> None:
     """Write ``report.html``, whole or not at all.
 
@@ -76,7 +74,7 @@ def write_report(
         result: The calibration's outcome; it may have failed, and may lack a pose.
         capture: What it was computed from.
         estimate: The optimiser's account, for the residual plots; they are left out without it.
-        masks: The masks used, by view id.
+        masks: The masks used, by view id; bool, or float in [0, 1].
 
     Raises:
         InputError: A picture cannot be read, or the file cannot be written.
@@ -88,18 +86,19 @@ def report_html(
     result: ResultFile,
     capture: Capture,
     estimate: PoseEstimate | None = None,
-    masks: Mapping[str, Mask] | None = None,
+    masks: Mapping[str, NDArray[Any]] | None = None,
 ) -> str:
     """The report's text; see `write_report`."""
     T = None if result.T_mount_cam is None else result.T_mount_cam.array
     if T is None:
         estimate = None
+    hard = {view_id: np.asarray(mask) > 0.5 for view_id, mask in (masks or {}).items()}
     limit = 0.0 if estimate is None else axis_limit_px(estimate)
     fits = _fits(estimate)
     names = capture.robot.link_names
     cards = [
-        _card(result, picture, picture.id in (masks or {}), fits.get(picture.id), names, limit)
-        for picture in view_pictures(capture, T, masks or {})
+        _card(result, picture, picture.id in hard, fits.get(picture.id), names, limit)
+        for picture in view_pictures(capture, T, hard)
     ]
     links = [] if estimate is None else link_table(estimate, names)
     uncertainty = Uncertainty.of(result)

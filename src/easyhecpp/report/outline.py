@@ -59,7 +59,7 @@ def outline(coverage: NDArray[Any]) -> list[F64]:
 
 
 def simplify(lines: Sequence[F64], tolerance_px: float) -> list[F64]:
-    """The lines with fewer points, moved by at most the tolerance."""
+    """The lines with fewer points, moved by about the tolerance."""
     found: list[F64] = []
     for line in lines:
         closed = bool((line[0] == line[-1]).all())

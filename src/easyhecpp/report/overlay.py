@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.report.outline import outline
 
 F64 = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = NDArray[Any]
 RGB = tuple[int, int, int]
 
 ARM: RGB = (255, 43, 149)
@@ -48,7 +49,8 @@ def write_overlays(
         capture: Pictures, joints, robot and camera.
         T_mount_cam: ``(4, 4)`` pose of the camera in its mount.
         ids: The views to draw; all when left out.
-        masks: Masks ``(H, W)`` by view id; their outlines are drawn in a second colour.
+        masks: Masks ``(H, W)`` by view id, bool or in [0, 1]; their outlines are drawn in a second
+            colour.
 
     Returns:
         The files written, in the order of the views.
@@ -99,7 +101,8 @@ def draw_lines(picture: NDArray[np.uint8], lines: Sequence[F64], colour: RGB) ->
     rim = picture.copy()
     cv2.polylines(rim, fixed, False, HALO, 3, cv2.LINE_AA, _SHIFT)
     cv2.addWeighted(rim, 0.5, picture, 0.5, 0.0, dst=picture)
-    cv2.polylines(picture, fixed, False, colour, 1, cv2.LINE_AA, _SHIFT)
+    for _ in range(2):  # once would be dull where a line runs between two rows of pixels
+        cv2.polylines(picture, fixed, False, colour, 1, cv2.LINE_AA, _SHIFT)
 
 
 def check_pose(T_mount_cam: F64) -> F64:

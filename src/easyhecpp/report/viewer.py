@@ -145,6 +145,7 @@ class PoseViewer:
             thickness=0.004,
             color=_BLUE,
             jpeg_quality=80,
+            cast_shadow=False,
         )
         scene.add_label("/camera/name", camera.frame)
         if self._uncertainty is not None:
@@ -160,7 +161,7 @@ class PoseViewer:
             )
 
     def _stand_aside(self, view: View) -> None:
-        """Start where arm and camera are both seen from the side."""
+        """Start beside the camera and a little behind it, so that its picture faces the viewer."""
         arm, camera = self._capture.robot.centre(view.joints), self._T_base_cam(view)[:3, 3]
         middle, apart = 0.5 * (arm + camera), camera - arm
         across = np.cross((0.0, 0.0, 1.0), apart)
@@ -168,7 +169,7 @@ class PoseViewer:
         span = float(np.linalg.norm(apart)) + 0.5 * self._capture.robot.reach
         start = self._server.initial_camera
         start.look_at = middle
-        start.position = middle + span * (0.9 * across + (0.0, 0.0, 0.45))
+        start.position = middle + 0.55 * apart + span * (0.8 * across + (0.0, 0.0, 0.4))
 
     def _build_panel(self, result: ResultFile) -> None:
         gui = self._server.gui

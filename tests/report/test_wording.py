@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import pytest
+from report_case import REASON, result_of, solved, without_pose
+
+from easyhecpp.report.wording import flag_text, split_reasons, verdict_text
+
+
+@pytest.mark.parametrize(
+    ("reason", "why", "advice"),
+    [
+        ("The masks are empty. Check the folder.", "The masks are empty.", "Check the folder."),
+        ("Add views.", None, "Add views."),
+        ("Nothing is known about 0.5 mm.", "Nothing is known about 0.5 mm.", None),
+        ("One. Two. Take more views. Then go on.", "One. Two. Then go on.", "Take more views."),
+        # Advice that speaks of "them" is kept with what it speaks of.
+        (REASON, "Left out: 0002.", REASON),
+    ],
+)
+def test_reasons_fall_apart_into_findings_and_advice(reason, why, advice):
+    found = split_reasons([reason])
+    assert found == (() if why is None else (why,), () if advice is None else (advice,))
+
+
+def test_nothing_is_said_twice():
+    why, advice = split_reasons(["A is so. Add views.", "B is so. Add views.", "A is so."])
+    assert why == ("A is so.", "B is so.")
+    assert advice == ("Add views.",)
+
+
+@pytest.mark.parametrize("verdict", ["ok", "doubtful", "failed"])
+def test_every_verdict_says_what_to_do_next(verdict):
+    case = solved()
+    assert case.estimate is not None
+    text = verdict_text(result_of(case.capture, case.estimate, verdict=verdict))
+    assert text.verdict == verdict
+    assert text.advice
+    assert any("4 of 4 views" in line for line in text.why)
+    assert ("Do not use" in text.headline) == (verdict == "failed")
+
+
+def test_a_failure_without_a_pose_gives_no_numbers():
+    text = verdict_text(without_pose().result)
+    assert text.headline == "No pose was found."
+    assert text.why == ("The masks are empty.",)
+    assert text.advice == ("Check the folder masks/.",)
+
+
+def test_flags_of_one_word_are_explained_and_sentences_kept():
+    assert "moving" in flag_text("moving")
+    assert flag_text("moving") != "moving"
+    assert flag_text("The lens is dirty.") == "The lens is dirty."
