@@ -9,7 +9,7 @@ the errors of one view as a Gaussian process with covariance
 over fixed lengths ``l_k``, with the variances ``a_k >= 0`` from the residuals' products. The factor
 with the normals makes the two sides of a thin link err independently. It is a product of two
 positive semi-definite kernels, so C always is a covariance. A fixed small part stands for what
-cutting masks at one half does to edges: two equal cuts leave no residual, yet the pose is not exact.
+cutting masks at one half does to edges: equal cuts leave no residual, yet the pose has an error.
 
 Fitting a pose takes variance out of the residuals, the more the fewer views. Its share is put back
 (the step of expectation maximisation): ``E[e e'] = r r' + A cov(x) A'``.
