@@ -62,7 +62,7 @@ def default_seeds(centre: ArrayLike, distance: float) -> F64:
     for elevation in ELEVATIONS_DEG:
         n = max(4, round(14 * np.cos(np.deg2rad(elevation))))
         azimuths = np.arange(n) * 360.0 / n
-        parts.append(sphere_seeds(centre, distance, (elevation,), azimuths, ROLLS_DEG))
+        parts.append(sphere_seeds(centre, distance, (elevation,), azimuths.tolist(), ROLLS_DEG))
     return np.concatenate(parts)
 
 

@@ -24,12 +24,12 @@ U32 = NDArray[np.uint32]
 NEAR = 1e-3
 """Near plane, metres in front of the camera."""
 
-PIECE_PX = 8.0
+PIECE_PX = 4.0
 """Longest straight piece of an edge under lens distortion; bends by less than 0.01 px."""
 
 
 @jit
-def _pixel(
+def to_pixel(
     x: float, y: float, z: float, fc: F64, model: int, k: F64, valid_radius: float
 ) -> tuple[float, float]:
     xd, yd = distort(x / z, y / z, model, k, valid_radius)
@@ -60,21 +60,30 @@ def _emit(
 
     Nothing is written past the capacity, but the count goes on, so the caller knows what it needs.
     """
-    u0, v0 = _pixel(ax, ay, az, fc, model, k, valid_radius)
-    u1, v1 = _pixel(bx, by, bz, fc, model, k, valid_radius)
+    u0, v0 = to_pixel(ax, ay, az, fc, model, k, valid_radius)
+    u1, v1 = to_pixel(bx, by, bz, fc, model, k, valid_radius)
     pieces = 1
     if model != 0:
         pieces = min(64, 1 + int(np.sqrt((u1 - u0) ** 2 + (v1 - v0) ** 2) / PIECE_PX))
     ua, va = u0, v0
     xa, ya, za = ax, ay, az
+    # Pieces of equal viewing angle: of equal length, all but a few of an edge that reaches close to
+    # the camera's plane would lie outside of the picture.
+    da = np.sqrt(ax * ax + ay * ay + az * az)
+    db = np.sqrt(bx * bx + by * by + bz * bz)
+    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    angle = np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
     for i in range(1, pieces + 1):
         if i == pieces:
             xb, yb, zb = bx, by, bz
             ub, vb = u1, v1
         else:
             s = i / pieces
+            if angle > 1e-6:
+                near, far = da * np.sin(s * angle), db * np.sin((1.0 - s) * angle)
+                s = near / (near + far)
             xb, yb, zb = ax + s * (bx - ax), ay + s * (by - ay), az + s * (bz - az)
-            ub, vb = _pixel(xb, yb, zb, fc, model, k, valid_radius)
+            ub, vb = to_pixel(xb, yb, zb, fc, model, k, valid_radius)
         if n < segments.shape[0]:
             segments[n, 0], segments[n, 1], segments[n, 2], segments[n, 3] = ua, va, ub, vb
             ends[n, 0], ends[n, 1], ends[n, 2] = xa, ya, za
@@ -88,10 +97,25 @@ def _emit(
 
 
 @jit
-def _clipped_faces(
+def _cut(points: F64, a: int, b: int, out: F64) -> None:
+    """Where an edge passes through the near plane; the same from whichever end it is asked."""
+    if a > b:
+        a, b = b, a
+    s = (NEAR - points[a, 2]) / (points[b, 2] - points[a, 2])
+    out[0] = points[a, 0] + s * (points[b, 0] - points[a, 0])
+    out[1] = points[a, 1] + s * (points[b, 1] - points[a, 1])
+    out[2] = NEAR
+
+
+@jit
+def _cut_link(
     n: int,
     link: int,
     faces: I32,
+    edges: U32,
+    edge_faces: U32,
+    sides: I8,
+    face_sides: I8,
     points: F64,
     fc: F64,
     model: int,
@@ -102,39 +126,41 @@ def _clipped_faces(
     weights: I32,
     links: I32,
 ) -> int:
-    """Segments of a link that reaches behind the near plane: every face clipped on its own."""
-    poly = np.empty((4, 3))
-    for f in range(faces.shape[0]):
-        m = 0
-        for j in range(3):
-            a = points[faces[f, j]]
-            b = points[faces[f, (j + 1) % 3]]
-            if a[2] > NEAR:
-                poly[m] = a
-                m += 1
-            if (a[2] > NEAR) != (b[2] > NEAR):
-                # In the order of the vertices, so that both faces of an edge cut it at one point.
-                if faces[f, j] > faces[f, (j + 1) % 3]:
-                    a, b = b, a
-                s = (NEAR - a[2]) / (b[2] - a[2])
-                poly[m, 0] = a[0] + s * (b[0] - a[0])
-                poly[m, 1] = a[1] + s * (b[1] - a[1])
-                poly[m, 2] = NEAR
-                m += 1
-        if m < 3:
+    """Segments of a link that reaches behind the near plane.
+
+    What is left of its contour edges, and of every face that is cut the new edge on the plane:
+    together they are closed again. ``face_sides`` are the sides of ``faces``.
+    """
+    p = np.empty(3)
+    q = np.empty(3)
+    for e in range(edges.shape[0]):
+        w = sides[edge_faces[e, 0]] - sides[edge_faces[e, 1]]
+        a, b = edges[e, 0], edges[e, 1]
+        a_in, b_in = points[a, 2] > NEAR, points[b, 2] > NEAR
+        if w == 0 or not (a_in or b_in):
             continue
-        # A polygon in front of the camera looks towards it when its plane has the camera inside.
-        e = poly[1] - poly[0]
-        g = poly[2] - poly[0]
-        nx = e[1] * g[2] - e[2] * g[1]
-        ny = e[2] * g[0] - e[0] * g[2]
-        nz = e[0] * g[1] - e[1] * g[0]
-        side = -1 if nx * poly[0, 0] + ny * poly[0, 1] + nz * poly[0, 2] > 0 else 1
-        for j in range(m):
-            a = poly[j]
-            b = poly[(j + 1) % m]
+        p[:], q[:] = points[a], points[b]
+        if not a_in:
+            _cut(points, a, b, p)
+        if not b_in:
+            _cut(points, a, b, q)
+        n = _emit(
+            n, int(w), link, p[0], p[1], p[2], q[0], q[1], q[2],
+            fc, model, k, valid_radius, segments, ends, weights, links,
+        )  # fmt: skip
+    for f in range(faces.shape[0]):
+        cuts = 0
+        for j in range(3):
+            a, b = faces[f, j], faces[f, (j + 1) % 3]
+            a_in, b_in = points[a, 2] > NEAR, points[b, 2] > NEAR
+            if a_in == b_in:
+                continue
+            # The walk round the face goes from where it leaves to where it comes back.
+            _cut(points, a, b, p if a_in else q)
+            cuts += 1
+        if cuts:
             n = _emit(
-                n, side, link, a[0], a[1], a[2], b[0], b[1], b[2],
+                n, face_sides[f], link, p[0], p[1], p[2], q[0], q[1], q[2],
                 fc, model, k, valid_radius, segments, ends, weights, links,
             )  # fmt: skip
     return n
@@ -209,18 +235,20 @@ def contour_segments(
             half += abs(T[2, i]) * 0.5 * (boxes[link, 3 + i] - boxes[link, i])
         if v0 == v1 or middle + half <= NEAR:
             continue
-        if middle - half <= NEAR:
-            for v in range(v0, v1):
-                _to_camera(T, vertices[v], points[v])
-            n = _clipped_faces(
-                n, link, faces[face_start[link] : face_start[link + 1]], points,
-                fc, model, k, valid_radius, segments, ends, weights, links,
-            )  # fmt: skip
-            continue
         cx = -(T[0, 0] * T[0, 3] + T[1, 0] * T[1, 3] + T[2, 0] * T[2, 3])
         cy = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
         cz = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
         _sides(planes, face_start[link], face_start[link + 1], cx, cy, cz, sides)
+        if middle - half <= NEAR:
+            for v in range(v0, v1):
+                _to_camera(T, vertices[v], points[v])
+            f0, f1 = face_start[link], face_start[link + 1]
+            e0, e1 = edge_start[link], edge_start[link + 1]
+            n = _cut_link(
+                n, link, faces[f0:f1], edges[e0:e1], edge_faces[e0:e1], sides, sides[f0:f1],
+                points, fc, model, k, valid_radius, segments, ends, weights, links,
+            )  # fmt: skip
+            continue
         # Scalars, not row views: each view would cost two atomic reference counts.
         r00, r01, r02, tx = T[0, 0], T[0, 1], T[0, 2], T[0, 3]
         r10, r11, r12, ty = T[1, 0], T[1, 1], T[1, 2], T[1, 3]
@@ -242,7 +270,7 @@ def contour_segments(
             bx, by, bz = points[b, 0], points[b, 1], points[b, 2]
             if bent:
                 n = _emit(
-                    n, w, link, ax, ay, az, bx, by, bz,
+                    n, int(w), link, ax, ay, az, bx, by, bz,
                     fc, model, k, valid_radius, segments, ends, weights, links,
                 )  # fmt: skip
                 continue

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.render._contour_kernel import NEAR, _pixel
+from easyhecpp.render._contour_kernel import NEAR, to_pixel
 from easyhecpp.render._jit import jit
 
 F32 = NDArray[np.float32]
@@ -76,7 +76,7 @@ def draw_depth(
             if m < 3:
                 continue
             for j in range(m):
-                u, w = _pixel(poly[j, 0], poly[j, 1], poly[j, 2], fc, model, k, valid_radius)
+                u, w = to_pixel(poly[j, 0], poly[j, 1], poly[j, 2], fc, model, k, valid_radius)
                 flat[j, 0], flat[j, 1], flat[j, 2] = u, w, 1.0 / poly[j, 2]
             for j in range(1, m - 1):
                 _triangle(flat[0], flat[j], flat[j + 1], link, inverse_depth, nearest)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import config as numba_config
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -52,7 +53,7 @@ def _cache_usable() -> bool:
     fallback = _private_temporary_folder()
     if fallback is None:
         return False
-    numba.config.CACHE_DIR = str(fallback)
+    numba_config.CACHE_DIR = str(fallback)  # pyright: ignore[reportAttributeAccessIssue]
     return True
 
 

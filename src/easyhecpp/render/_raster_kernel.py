@@ -24,8 +24,10 @@ LINES = 4
 
 @jit
 def _line_range(y0: float, y1: float, n_lines: int) -> tuple[int, int]:
-    """First and one past the last sample line that a segment crosses (half-open, so that two
-    segments which meet on a line are counted once)."""
+    """First and one past the last sample line that a segment crosses.
+
+    Half-open, so that two segments which meet on a line are counted once.
+    """
     low = (min(y0, y1) + 0.5) * LINES - 0.5
     high = (max(y0, y1) + 0.5) * LINES - 0.5
     first = max(0, int(np.ceil(min(low, float(n_lines)))))
@@ -138,10 +140,16 @@ def fill_jacobian(
     model: int,
     k: F64,
     valid_radius: float,
+    upright: bool,
     out: F64,
 ) -> None:
-    """Add d(coverage)/d(delta) to ``out`` ``(H, W, 6)``: the ends of the spans that move."""
-    height, width = out.shape[0], out.shape[1]
+    """Add d(coverage)/d(delta) to ``out`` ``(H, W, 6)``: the ends of the spans that move.
+
+    A line tells nothing of an outline that runs along it. So this is asked twice, with lines along
+    rows and, ``upright``, along columns (``segments`` and crossings with x and y swapped, weights
+    negated because that turns the picture over), and takes only what crosses a line steeply.
+    """
+    height, width = (out.shape[1], out.shape[0]) if upright else (out.shape[0], out.shape[1])
     p = np.empty(3)
     normal = np.empty(2)
     row3 = np.empty(3)
@@ -159,6 +167,9 @@ def fill_jacobian(
                 continue
             s = abs(owners[i]) - 1
             y0, y1 = segments[s, 1], segments[s, 3]
+            slope = (segments[s, 2] - segments[s, 0]) / (y1 - y0)
+            if abs(slope) > 1.0 or (upright and abs(slope) == 1.0):
+                continue
             t = ((line + 0.5) / LINES - 0.5 - y0) / (y1 - y0)
             # Perspective: the image parameter t is not the parameter along the 3-D edge.
             za, zb = ends[s, 2], ends[s, 5]
@@ -166,12 +177,11 @@ def fill_jacobian(
             for j in range(3):
                 p[j] = ends[s, j] + u * (ends[s, 3 + j] - ends[s, j])
             # On a fixed line, x moves by du - (dx/dy) dv.
-            normal[0] = 1.0
-            normal[1] = -(segments[s, 2] - segments[s, 0]) / (y1 - y0)
+            normal[0], normal[1] = (-slope, 1.0) if upright else (1.0, -slope)
             project_row(p, normal, fc, model, k, valid_radius, row3)
             sign = -1.0 / LINES if opens else 1.0 / LINES
             px, py, pz = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
-            target = out[line // LINES, column]
+            target = out[column, line // LINES] if upright else out[line // LINES, column]
             target[0] += sign * row3[0]
             target[1] += sign * row3[1]
             target[2] += sign * row3[2]

@@ -83,7 +83,7 @@ class SilhouetteRenderer:
 
     Args:
         meshes: One mesh per link, in the link's frame.
-        camera: Camera with distortion; contour edges are cut into pieces of at most 8 px before
+        camera: Camera with distortion; contour edges are cut into pieces of at most 4 px before
             they are distorted, so that lens distortion is honoured to 0.01 px.
 
     All poses are ``Ts_cam_link`` ``(L, 4, 4)``, metres. The object may be used from several
@@ -121,12 +121,19 @@ class SilhouetteRenderer:
         ``(3,)``, see :func:`easyhecpp.geometry.perturb_about`; metres and radians.
         """
         seg = self._project(Ts_cam_link)
-        coverage, (start, xs, owners) = self._cover(seg, None)
+        coverage, along_rows = self._cover(seg, None)
+        swapped = np.ascontiguousarray(seg.segments[: seg.count][:, [1, 0, 3, 2]])
+        along_columns = crossings(seg.count, swapped, self.camera.width)
         jacobian = np.zeros((*coverage.shape, 6))
-        fill_jacobian(
-            start, xs, owners, seg.segments, seg.ends, seg.weights, np.asarray(centre_cam, np.float64),
-            self._fc, self._model, self._k, self._valid_radius, jacobian,
-        )  # fmt: skip
+        centre = np.asarray(centre_cam, np.float64)
+        for found, segments, weights, upright in (
+            (along_rows, seg.segments, seg.weights, False),
+            (along_columns, swapped, -seg.weights, True),
+        ):
+            fill_jacobian(
+                *found, segments, seg.ends, weights, centre, self._fc, self._model, self._k,
+                self._valid_radius, upright, jacobian,
+            )  # fmt: skip
         return coverage, jacobian
 
     def contour(

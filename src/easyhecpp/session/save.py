@@ -68,7 +68,7 @@ def save_masks(found: Calibration, folder: Path) -> list[Path]:
     written = []
     for view, mask in found.masks.items():
         path = folder / "masks" / f"{view}.png"
-        write_image(path, np.asarray(mask) > 0.5)
+        write_image(path, np.asarray(mask, np.float32) > 0.5)
         written.append(path)
     write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
     return written

@@ -49,8 +49,9 @@ def sample(image: F32, points: F64) -> F64:
         return np.zeros(0)
     # remap takes at most 32767 rows of output; contours are far shorter.
     xy = points.astype(np.float32).reshape(-1, 1, 2)
-    values = cv2.remap(image, xy, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return values[:, 0].astype(np.float64)
+    x, y = np.ascontiguousarray(xy[..., 0]), np.ascontiguousarray(xy[..., 1])
+    values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values, np.float64)[:, 0]
 
 
 class MaskPyramid:
@@ -153,7 +154,11 @@ def gather(
     if smoothing_px > 0.0:
         smooth = cv2.GaussianBlur(difference, (0, 0), smoothing_px, borderType=cv2.BORDER_REPLICATE)
         corner = np.array([columns.start, rows.start], np.float64)
-        residuals = _SQRT_2PI * smoothing_px * sample(smooth, contour.points - corner)
+        residuals = (
+            _SQRT_2PI
+            * smoothing_px
+            * sample(np.asarray(smooth, np.float32), contour.points - corner)
+        )
     points = (contour.points + 0.5) * reduction - 0.5
     keep = slice(None)
     if view.ignore is not None:
