@@ -102,10 +102,10 @@ def test_masks_that_miss_most_of_the_arm_make_no_mask(prior):
     result = judged([block((40, 46), (40, 60))], ["lower"], prior)
     assert result.mask is None
     assert result.agreement == 0.0
-    assert "the pose or the masks are wrong, so this view is left out" in result.notes[-1]
+    assert "the pose or the masks are wrong, so this view is left out" in result.notes[0]
     nothing = judged([OTHER, TABLE], ("lower", "upper"), prior)
     assert nothing.mask is None
-    assert nothing.notes[-1] == "None of the 2 masks agrees with the kinematics."
+    assert nothing.notes[0] == "None of the 2 masks agrees with the kinematics."
 
 
 def test_no_masks_at_all(prior):

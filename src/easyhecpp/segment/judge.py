@@ -110,7 +110,7 @@ def judge(
     believed = prior.arm & ~ignore
     cover = _share(mask, believed)
     if not accepted or cover < config.min_arm_cover:
-        notes.append(_no_mask(len(masks), len(accepted), cover))
+        notes.insert(0, _no_mask(len(masks), len(accepted), cover))
         return Judgement(None, ignore, 0.0, rejected, tuple(notes))
     either = (mask | prior.arm) & ~ignore
     agreement = float((mask & believed).sum() / max(either.sum(), 1))

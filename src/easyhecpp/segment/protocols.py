@@ -177,7 +177,7 @@ class ViewMask:
         mask: (H, W) bool or soft float32 in [0, 1]; None when no usable mask could be made.
         ignore: (H, W) bool, pixels of which the mask says nothing; None for none.
         score: how well the mask agrees with the evidence behind it, in [0, 1].
-        notes: sentences for the user: what was rejected or left out, and why.
+        notes: sentences for the user: what was rejected or left out, and why; the weightiest first.
     """
 
     view_id: str
@@ -249,7 +249,8 @@ def require_usable(masks: Sequence[ViewMask], source: str, at_least: int = 1) ->
     empty = [view for view in masks if view.mask is None]
     if len(masks) - len(empty) >= at_least:
         return
-    reasons = "; ".join(f"view {v.view_id}: {' '.join(v.notes) or 'no mask'}" for v in empty)
+    # The first note says what came of the view, the second why, and the others much the same.
+    reasons = "; ".join(f"view {v.view_id}: {' '.join(v.notes[:2]) or 'no mask'}" for v in empty)
     raise InputError(
         f"{source} gave a usable mask in {len(masks) - len(empty)} of {len(masks)} views",
         where=reasons,
