@@ -22,10 +22,11 @@ class Export:
     opengl, mujoco, usd, isaaclab, sapien, droid, camera-info."""
 
     output: Path | None = None
-    """File to write; printed when left out (binary formats get a default name)."""
+    """File to write, or folder for one of the usual name. When left out, text is printed, and
+    anything else is written into the current folder."""
 
-    camera_name: str = "camera"
-    """Name of the camera in files that need one."""
+    camera_name: str | None = None
+    """What the consumer is to call the camera; its optical frame when left out."""
 
     camera_link: Path | None = None
     """YAML or JSON with the transform from the driver's camera_link to its optical frame: then the
@@ -36,7 +37,7 @@ class Export:
 
     def run(self, command_line: str) -> int:
         """Write or print the export."""
-        from easyhecpp.formats.exporters import CameraLink, default_filename, export, render
+        from easyhecpp.formats.exporters import CameraLink, export, render
         from easyhecpp.formats.result_file import ResultFile
 
         result = ResultFile.read(self.result)
@@ -51,8 +52,7 @@ class Export:
             if len(parts) == 1 and _is_text(parts[""]):
                 say(parts[""].decode().rstrip("\n"))
                 return 0
-        output = self.output or Path(default_filename(self.target))
-        for path in export(result, self.target, output, **options):
+        for path in export(result, self.target, self.output, **options):
             say(f"written: {path}")
         return 0
 

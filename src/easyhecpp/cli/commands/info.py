@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,12 @@ def _describe(path: Path) -> dict[str, Any]:
 
         result = ResultFile.read(path)
         return result.model_dump(mode="json", by_alias=True)
-    from easyhecpp.robot.describe import describe_robot
+    from easyhecpp.robot.describe import describe
 
     if path.suffix in (".urdf", ".xacro"):
         from easyhecpp.robot import Robot
 
-        return {"robot": describe_robot(Robot.from_urdf(path))}
+        return {"robot": asdict(describe(Robot.from_urdf(path)))}
     from easyhecpp.capture import Capture
 
     capture = Capture.load(path)
@@ -62,7 +62,7 @@ def _describe(path: Path) -> dict[str, Any]:
             "fx fy cx cy": [camera.fx, camera.fy, camera.cx, camera.cy],
             "distortion": [camera.distortion_model, *camera.distortion],
         },
-        "robot": describe_robot(capture.robot),
+        "robot": asdict(describe(capture.robot)),
     }
 
 
@@ -72,7 +72,7 @@ def _show(facts: Any, indent: int = 0) -> None:
         if isinstance(value, dict):
             say(f"{pad}{key}:")
             _show(value, indent + 1)
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
+        elif isinstance(value, (list, tuple)) and value and isinstance(value[0], dict):
             say(f"{pad}{key}:")
             for item in value:
                 say(f"{pad}  " + ", ".join(f"{k} {_plain(v)}" for k, v in item.items()))
