@@ -13,7 +13,7 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.numba_cache/$(shell cat $(KERNELS) /dev/nul
 # The tests run side by side; each keeps to one thread.
 TEST_ENV := NUMBA_NUM_THREADS=1 OMP_NUM_THREADS=1
 
-.PHONY: help install lint types unit test acceptance demo clean
+.PHONY: help install lint types unit test acceptance demo bench clean
 
 help:
 	@echo "make demo        calibrate a simulated camera and write a report"
@@ -22,6 +22,7 @@ help:
 	@echo "make types       types alone"
 	@echo "make unit        tests alone"
 	@echo "make acceptance  whole calibrations of the real captures, if ../shared is there"
+	@echo "make bench       seconds and megabytes on this machine, into benchmarks/results"
 	@echo "make clean       remove .venv and everything that was built"
 
 install: $(INSTALLED)
@@ -58,6 +59,11 @@ acceptance: $(INSTALLED)
 
 demo: $(INSTALLED)
 	$(PY) -m easyhecpp demo
+
+# embree, which one of the benchmarks compares with, is needed by nothing else.
+bench: $(INSTALLED)
+	-$(PY) -m pip install --quiet embreex
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) benchmarks/run.py
 
 clean:
 	rm -rf $(VENV) .numba_cache .pytest_cache .ruff_cache .hypothesis build dist

@@ -1,0 +1,91 @@
+"""Whole calibrations of two real captures, from images and given masks, with no initial guess."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from easyhecpp.capture import Capture
+from easyhecpp.formats.result_file import ResultFile
+from easyhecpp.geometry import pose_error
+from easyhecpp.session import CalibrationConfig, calibrate
+
+pytestmark = pytest.mark.acceptance
+
+LEAST_IOU = {"xarm7_realsense": 0.93, "lbr_med7_realsense": 0.915}
+"""Mean overlap with the given masks, all views; the masks themselves are no better."""
+
+MOST_MEMORY = 1.5e9
+SUBSETS, SUBSET_SIZE = 20, 5
+SAME_METRES, SAME_DEGREES = 0.020, 2.0
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What ``easyhecpp calibrate`` did with all views of a capture."""
+
+    folder: Path
+    out: Path
+    code: int
+    text: str
+    memory: float
+
+    @property
+    def result(self) -> ResultFile:
+        return ResultFile.read(self.out / "result.json")
+
+
+@pytest.fixture(scope="module", params=LEAST_IOU)
+def ran(request: pytest.FixtureRequest, shared: Path, tmp_path_factory: pytest.TempPathFactory):
+    folder = shared / "captures" / request.param
+    out = tmp_path_factory.mktemp(request.param)
+    words = [sys.executable, "-m", "easyhecpp", "calibrate", str(folder), "--out", str(out)]
+    with (out / "log").open("w+") as log:
+        process = subprocess.Popen([*words, "--segmenter", "given"], stdout=log, stderr=log)
+        # wait4 tells the memory of this one process; other children do not count.
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        log.seek(0)
+        text = log.read()
+    kilobytes = usage.ru_maxrss / (1024 if sys.platform == "darwin" else 1)
+    return Ran(folder, out, process.returncode, text, 1024.0 * kilobytes)
+
+
+def test_the_whole_command(ran: Ran) -> None:
+    assert ran.code == 0, ran.text
+    result = ran.result
+    assert result.verdict in ("ok", "doubtful"), result.reasons
+    assert result.T_mount_cam is not None
+    assert np.mean([view.iou for view in result.views]) >= LEAST_IOU[ran.folder.name]
+    views = Capture.load(ran.folder).views
+    assert len(result.views) == sum(view.has_mask for view in views)
+    overlays = {path.stem for path in (ran.out / "overlays").iterdir()}
+    assert overlays == {view.id for view in views if view.has_image}
+
+
+def test_peak_memory(ran: Ran) -> None:
+    assert ran.memory <= MOST_MEMORY
+
+
+def test_random_subsets_give_the_same_pose(ran: Ran) -> None:
+    """Five views find the camera that all views find, whichever five they are."""
+    pose = ran.result.T_mount_cam
+    assert pose is not None
+    capture = Capture.load(ran.folder)
+    ids = [view.id for view in capture.views if view.has_mask]
+    rng = np.random.default_rng(2024)
+    apart = {}
+    for _ in range(SUBSETS):
+        chosen = sorted(rng.choice(ids, SUBSET_SIZE, replace=False))
+        found = calibrate(capture.subset(chosen), CalibrationConfig(segmenter="given"))
+        metres, radians = pose_error(found.T_mount_cam, pose.array)
+        apart[" ".join(chosen)] = f"{1e3 * metres:.1f} mm, {np.degrees(radians):.2f} deg"
+        if metres <= SAME_METRES and np.degrees(radians) <= SAME_DEGREES:
+            del apart[" ".join(chosen)]
+    assert not apart
