@@ -163,3 +163,34 @@ def test_joint_vectors_of_the_wrong_length_or_not_finite(robots_folder: Path) ->
         robot.link_poses(np.full(7, np.nan))
     with pytest.raises(InputError, match=r"No link is called 'tool'.*link_base"):
         robot.frame_pose(np.zeros(7), "tool")
+
+
+# Robots with COLLADA, STL and mirrored meshes; Go1's trunk claims that Y is up.
+MESHED = ["panda", "ur5", "baxter", "so100", "kinova"]
+
+
+@pytest.mark.parametrize(
+    "file", [*(ROBOTS[name][0] for name in MESHED), "go1_description/urdf/go1.urdf"]
+)
+def test_link_meshes_stand_where_pinocchio_puts_them(file: str, robots_folder: Path) -> None:
+    path = robots_folder / file
+    model = pinocchio.buildModelFromUrdf(str(path))
+    shapes = pinocchio.buildGeomFromUrdf(
+        model, str(path), pinocchio.GeometryType.VISUAL, None, [str(robots_folder.parents[1])]
+    )
+    truth: dict[str, list[np.ndarray]] = {}
+    for shape in shapes.geometryObjects:
+        frame = model.frames[shape.parentFrame]
+        T_link_shape = (frame.placement.inverse() * shape.placement).homogeneous
+        if hasattr(shape.geometry, "vertices"):
+            vertices = np.array(shape.geometry.vertices())
+            placed = vertices @ T_link_shape[:3, :3].T + T_link_shape[:3, 3]
+            truth.setdefault(frame.name, []).extend([placed.min(axis=0), placed.max(axis=0)])
+    robot = Robot.from_urdf(path)
+    compared = [k for k, name in enumerate(robot.link_names) if name in truth]
+    assert len(compared) >= 7
+    for k in compared:
+        corners = np.array(truth[robot.link_names[k]])
+        vertices = robot.meshes[k].vertices
+        np.testing.assert_allclose(vertices.min(axis=0), corners.min(axis=0), atol=1e-7)
+        np.testing.assert_allclose(vertices.max(axis=0), corners.max(axis=0), atol=1e-7)

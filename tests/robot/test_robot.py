@@ -97,3 +97,10 @@ def test_a_robot_without_joints(write_urdf: Write) -> None:
     assert robot.n_joints == 0
     assert robot.link_poses(np.zeros((5, 0))).shape == (5, 1, 4, 4)
     assert robot.reach == pytest.approx(np.sqrt(3) / 2)
+
+
+def test_parents_skip_links_without_geometry(write_urdf: Write) -> None:
+    body = f'<link name="a">{BOX}</link><link name="b"/><link name="c">{BOX}</link>'
+    body += f'<link name="d">{BOX}</link>'
+    body += joint("j", "a", "b") + joint("k", "b", "c", "fixed") + joint("l", "a", "d")
+    assert Robot.from_urdf(write_urdf(body)).link_parents == (-1, 0, 0)

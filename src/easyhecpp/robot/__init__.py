@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from easyhecpp.robot.describe import RobotSummary, describe
 from easyhecpp.robot.link_mesh import LinkMesh
 from easyhecpp.robot.robot import Robot
 
-__all__ = ["LinkMesh", "Robot"]
+__all__ = ["LinkMesh", "Robot", "RobotSummary", "describe"]

@@ -38,7 +38,7 @@ def store_arrays(key: str, **arrays: np.ndarray) -> None:
     with contextlib.suppress(OSError, RuntimeError, InputError):
         folder = cache_folder()
         with atomic_path(folder / f"{key}.npz") as path:
-            np.savez(path, **arrays)
+            np.savez(path, allow_pickle=False, **arrays)
         entries = sorted(folder.glob("*.npz"), key=lambda entry: entry.stat().st_mtime)
         for entry in entries[:-_MAX_FILES]:
             entry.unlink(missing_ok=True)

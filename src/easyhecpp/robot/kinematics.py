@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -177,7 +178,7 @@ def _mimic_rule(joint: UrdfJoint, urdf: Urdf, path: Path) -> tuple[str, float, f
 
 
 def _frozen(
-    values: Sequence, dtype: type = np.float64, shape: tuple[int, ...] = (-1,)
+    values: Sequence[Any], dtype: type = np.float64, shape: tuple[int, ...] = (-1,)
 ) -> np.ndarray:
     array = np.array(values, dtype=dtype)
     if shape != (-1,):

@@ -23,7 +23,7 @@ GEOMETRIES = ("visual", "collision")
 def load_robot(
     path: Path,
     *,
-    package_dirs: Sequence[str | os.PathLike] = (),
+    package_dirs: Sequence[str | os.PathLike[str]] = (),
     base_link: str | None = None,
     ignore_links: Iterable[str] = (),
     geometry: str = "visual",
@@ -61,7 +61,8 @@ def load_robot(
         link_names=tuple(shapes),
         meshes=meshes,
         frame_names=tree.frame_names,
-        notes=_notes(urdf, ignored, geometry),
+        geometry=geometry,
+        undrawn_links=_undrawn_links(urdf, ignored, geometry),
         tree=tree,
     )
 
@@ -85,7 +86,7 @@ def default_base(urdf: Urdf) -> str:
     return urdf.root
 
 
-def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike]) -> bytes:
+def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> bytes:
     if not path.is_file():
         raise InputError(
             "The robot description does not exist", where=path, expected="a .urdf or .xacro"
@@ -184,16 +185,10 @@ def _no_geometry(urdf: Urdf, ignored: Sequence[str], geometry: str, path: Path) 
     )
 
 
-def _notes(urdf: Urdf, ignored: Sequence[str], geometry: str) -> tuple[str, ...]:
+def _undrawn_links(urdf: Urdf, ignored: Sequence[str], geometry: str) -> tuple[str, ...]:
     other = "collision" if geometry == "visual" else "visual"
-    only_other = [
+    return tuple(
         name
         for name, link in urdf.links.items()
         if name not in ignored and getattr(link, other) and not getattr(link, geometry)
-    ]
-    if not only_other:
-        return ()
-    return (
-        f"Links with {other} but no {geometry} geometry are left out of the picture: "
-        f"{', '.join(only_other)}.",
     )

@@ -113,7 +113,8 @@ def _read_collada(data: bytes, path: Path) -> Triangles:
             if triangles is not None:
                 pieces.append(_transformed(placed.matrix, *triangles))
     vertices, faces = concatenate(pieces)
-    return vertices * (document.assetInfo.unitmeter or 1.0), faces
+    unit = document.assetInfo.unitmeter if document.assetInfo else None
+    return vertices * (unit or 1.0), faces
 
 
 def _collada_triangles(primitive: Any) -> Triangles | None:

@@ -21,7 +21,9 @@ class FileFinder:
         package_dirs: packages, or folders that hold packages.
     """
 
-    def __init__(self, urdf_path: Path, package_dirs: Sequence[str | os.PathLike] = ()) -> None:
+    def __init__(
+        self, urdf_path: Path, package_dirs: Sequence[str | os.PathLike[str]] = ()
+    ) -> None:
         self._folder = urdf_path.resolve().parent
         self._places = [Path(p).expanduser() for p in package_dirs]
         self._places += [Path(p) for p in _path_list("ROS_PACKAGE_PATH")]

@@ -33,7 +33,8 @@ class Robot:
         link_names: the L links that have geometry and are not ignored.
         meshes: their meshes, in link frames, parallel to `link_names`.
         frame_names: all links of the URDF.
-        notes: what a user should know about the geometry, sentences.
+        geometry: `visual` or `collision`, which of the two the meshes are.
+        undrawn_links: links that have geometry of the other kind only, and so no mesh.
         tree: the kinematics.
     """
 
@@ -46,15 +47,16 @@ class Robot:
     link_names: tuple[str, ...]
     meshes: tuple[LinkMesh, ...]
     frame_names: tuple[str, ...]
-    notes: tuple[str, ...]
+    geometry: str
+    undrawn_links: tuple[str, ...]
     tree: KinematicTree = field(repr=False)
 
     @classmethod
     def from_urdf(
         cls,
-        path: str | os.PathLike,
+        path: str | os.PathLike[str],
         *,
-        package_dirs: Sequence[str | os.PathLike] = (),
+        package_dirs: Sequence[str | os.PathLike[str]] = (),
         base_link: str | None = None,
         ignore_links: Iterable[str] = (),
         geometry: str = "visual",
@@ -93,13 +95,24 @@ class Robot:
         return sum(len(mesh.faces) for mesh in self.meshes)
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know about the geometry, sentences."""
+        if not self.undrawn_links:
+            return ()
+        other = "collision" if self.geometry == "visual" else "visual"
+        return (
+            f"Links with {other} but no {self.geometry} geometry are left out of the picture: "
+            f"{', '.join(self.undrawn_links)}.",
+        )
+
+    @property
     def mesh_error(self) -> float:
         """Metres by which any surface, and so any silhouette, may be off; see `LinkMesh.error`."""
         return max((mesh.error for mesh in self.meshes), default=0.0)
 
     @cached_property
     def link_parents(self) -> tuple[int, ...]:
-        """For each link with geometry the index of the next one towards the base, -1 for none."""
+        """For each link with geometry the index of the next one towards the root, -1 for none."""
         frames = [self.frame_names.index(name) for name in self.link_names]
         return tuple(self._next_link_above(frame, frames) for frame in frames)
 

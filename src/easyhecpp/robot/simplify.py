@@ -13,20 +13,22 @@ from easyhecpp.robot.link_mesh import LinkMesh
 from easyhecpp.robot.surface_distance import Surface, hausdorff, natural_spacing
 
 # Part of the names in the cache: change it with anything that changes the outcome.
-_VERSION = 1
-_FEWEST_FACES = 12
-_TRIALS = 7
-# The decimator orders its work well only for a mesh that is some hundred units across.
-_DECIMATED_SIZE = 300.0
+_VERSION = 3
+# Errors to aim at, as multiples of the allowed one, until one is met: the decimator sums squared
+# distances to many planes, so what it counts as error is mostly above the real one.
+_AIMS = (2.0, 1.4, 1.0, 0.5, 0.2, 0.05)
+# The decimator runs 100 rounds, in round i it collapses what costs less than 1e-9 * (i + 3)^7
+# squared units; so this is the largest distance, in its units, that it will ever accept.
+_LARGEST_COST = float(np.sqrt(1e-9 * 102.0**7))
 
 
 @lru_cache(maxsize=1024)
 def simplify_mesh(mesh: LinkMesh, max_error: float) -> LinkMesh:
     """As few triangles as keep the surface within `max_error` of the true one.
 
-    The error is the two-sided Hausdorff distance, measured on samples, plus the error that the
-    mesh had already. It is found by bisection over face counts, once: results are kept in memory
-    and in the user's cache folder.
+    The error is the two-sided Hausdorff distance, measured on samples (good to some percent), plus
+    the error that the mesh had already. It is worked out once: results are kept in memory and in
+    the user's cache folder.
 
     Args:
         mesh: the mesh to simplify.
@@ -40,12 +42,12 @@ def simplify_mesh(mesh: LinkMesh, max_error: float) -> LinkMesh:
             f"The largest error of a simplified mesh is {max_error:g}", expected="metres above 0"
         )
     limit = max_error - mesh.error
-    if limit <= 0.0 or len(mesh.faces) <= _FEWEST_FACES:
+    if limit <= 0.0:
         return mesh
     key = _key(mesh, limit)
     stored = load_arrays(key)
     if stored is None or not {"vertices", "faces", "error"} <= stored.keys():
-        vertices, faces, error = _fewest_faces(mesh, limit)
+        vertices, faces, error = _decimated_within(mesh, limit)
         store_arrays(key, vertices=vertices, faces=faces, error=np.array(error))
     else:
         vertices, faces, error = stored["vertices"], stored["faces"], float(stored["error"])
@@ -54,42 +56,32 @@ def simplify_mesh(mesh: LinkMesh, max_error: float) -> LinkMesh:
     return LinkMesh.from_triangles(vertices, faces, error=mesh.error + error)
 
 
-def _fewest_faces(mesh: LinkMesh, limit: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Bisect the logarithm of the face count for the last one within `limit` metres."""
+def _decimated_within(mesh: LinkMesh, limit: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Vertices, faces and measured error, at most `limit` metres; the mesh itself if need be."""
     spacing = natural_spacing(mesh.area)
     original = Surface(mesh.vertices, mesh.faces, spacing)
-    passing = [(mesh.vertices, mesh.faces)]
-    low, high = float(_FEWEST_FACES), float(len(mesh.faces))
-    for _ in range(_TRIALS):
-        count = int(np.sqrt(low * high))
-        vertices, faces = _decimated(mesh, count)
-        fine = len(faces) > 0 and (
-            hausdorff(original, Surface(vertices, faces, spacing), limit) <= limit
-        )
-        if fine:
-            passing.append((vertices, faces))
-            high = float(count)
-        else:
-            low = float(count)
-    # The search looks coarsely; what is handed out is measured more closely, and a level that does
-    # not stand up to that gives way to the one before it.
-    original = Surface(mesh.vertices, mesh.faces, spacing / 2)
-    for vertices, faces in passing[:0:-1]:
-        error = hausdorff(original, Surface(vertices, faces, spacing / 2), limit)
-        if error <= limit:
-            return vertices, faces, error
+    for aim in _AIMS:
+        vertices, faces = _decimated(mesh, aim * limit)
+        if len(faces) > 0:
+            error = hausdorff(original, Surface(vertices, faces, spacing), limit)
+            if error <= limit:
+                return vertices, faces, error
     return mesh.vertices, mesh.faces, 0.0
 
 
-def _decimated(mesh: LinkMesh, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """About `count` triangles by quadric error (Garland and Heckbert 1997)."""
+def _decimated(mesh: LinkMesh, cost: float) -> tuple[np.ndarray, np.ndarray]:
+    """Collapse all edges whose quadric error is below `cost` metres (Garland, Heckbert 1997).
+
+    Asking for a number of faces instead would let the decimator ruin the easy parts of a mesh when
+    other parts resist.
+    """
     import fast_simplification
 
-    scale = _DECIMATED_SIZE / float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    # It wants arrays that it may write to.
+    scale = _LARGEST_COST / cost
+    # It wants arrays that it may write to. Free borders would shrink and grow spikes.
     vertices, faces = fast_simplification.simplify(
-        mesh.vertices * scale, mesh.faces.copy(), target_count=count
-    )
+        mesh.vertices * scale, mesh.faces.copy(), target_count=4, preserve_border=True
+    )[:2]
     return vertices / scale, np.asarray(faces)
 
 

@@ -1,18 +1,20 @@
-"""How far two triangle surfaces are apart, measured on dense samples."""
+"""How far two triangle surfaces are apart, measured on samples that close in on the worst."""
 
 from __future__ import annotations
 
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 # How many samples a surface gets, before its corners and edges are added.
-_SAMPLES = 4000
+_SAMPLES = 6000
 # Points whose distances are made exact at a time.
 _AT_ONCE = 64
 # Nearest samples whose triangles bound the distance of a point that may be the farthest.
 _NEIGHBOURS = 16
+# Samples on each of the triangles that hold the worst places.
+_CLOSE_UP = 64
 
 
 class Surface:
@@ -26,19 +28,20 @@ class Surface:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> None:
         self._corners = vertices[faces]
-        self._vertices = vertices
         self._spacing = spacing
 
-    @cached_property
+    @property
     def points(self) -> np.ndarray:
-        """(N, 3) points to measure from: corners, edges and insides, thinned to the spacing."""
-        inside, _ = self._inside
-        points = np.concatenate([self._vertices, self._edge_points(), inside])
-        cells = np.floor((points - points.min(axis=0)) / (self._spacing / 2)).astype(np.int64)
-        keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
-        return points[np.unique(keys, return_index=True)[1]]
+        """(N, 3) points to measure from: all corners, and edges and insides thinned out."""
+        return self._points[0]
 
-    def farthest(self, points: np.ndarray, enough: float = np.inf) -> float:
+    def close_up(self, indices: np.ndarray) -> np.ndarray:
+        """(M, 3) many more points on the triangles on which some of the `points` lie."""
+        triangles = np.unique(self._points[1][indices])
+        counts = np.full(len(triangles), _CLOSE_UP)
+        return _points_inside(self._corners[triangles], counts)[0]
+
+    def farthest(self, points: np.ndarray, enough: float = np.inf) -> tuple[float, np.ndarray]:
         """Largest distance in metres from any of the points (N, 3) to this surface.
 
         The sample nearest to a point names a triangle, whose distance is an upper bound. Then only
@@ -47,21 +50,21 @@ class Surface:
         Args:
             points: (N, 3).
             enough: metres; the search may stop once it has found a distance above this.
+
+        Returns:
+            The distance, and the indices of the worst points, the first ones of them for certain.
         """
         bounds = self._upper_bounds(points, neighbours=1)
-        worst = np.argsort(-bounds)[:_AT_ONCE]
-        farthest = self._exact(points[worst], bounds[worst]).max()
-        points = points[bounds > farthest]
-        if len(points) == 0 or farthest > enough**2:
-            return float(np.sqrt(farthest))
-        bounds = self._upper_bounds(points, neighbours=_NEIGHBOURS)
-        order = np.argsort(-bounds)
-        for start in range(0, len(order), _AT_ONCE):
-            worst = order[start : start + _AT_ONCE]
-            if bounds[worst[0]] <= farthest or farthest > enough**2:
-                break
-            farthest = max(farthest, self._exact(points[worst], bounds[worst]).max())
-        return float(np.sqrt(farthest))
+        order = np.argsort(-bounds)[:_AT_ONCE]
+        farthest = self._make_exact(points, bounds, order)
+        left = np.flatnonzero(bounds > farthest)
+        if farthest <= enough**2 and len(left):
+            bounds[left] = self._upper_bounds(points[left], neighbours=_NEIGHBOURS)
+            left = left[np.argsort(-bounds[left])]
+        while len(left) and bounds[left[0]] > farthest and farthest <= enough**2:
+            farthest = max(farthest, self._make_exact(points, bounds, left[:_AT_ONCE]))
+            left = left[_AT_ONCE:]
+        return float(np.sqrt(farthest)), np.argsort(-bounds)[:_AT_ONCE]
 
     def _upper_bounds(self, points: np.ndarray, neighbours: int) -> np.ndarray:
         """Upper bounds (N,) of squared distances, from the triangles of the nearest samples."""
@@ -70,24 +73,36 @@ class Surface:
         triangles = owners[tree.query(points, k=k)[1]].reshape(len(points), k)
         return squared_distances(points[:, None], self._corners[triangles]).min(axis=1)
 
-    def _exact(self, points: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-        """Exact squared distances (N,) of points (N, 3), given upper bounds of them (N,)."""
+    def _make_exact(self, points: np.ndarray, bounds: np.ndarray, indices: np.ndarray) -> float:
+        """Turn some upper bounds of squared distances into exact ones; returns the largest."""
         low, high = self._boxes
-        gaps = np.maximum(np.maximum(low - points[:, None], points[:, None] - high), 0.0)
-        rows, triangles = np.nonzero(_dot(gaps, gaps) < bounds[:, None])
-        exact = bounds.copy()
-        squared = squared_distances(points[rows], self._corners[triangles])
-        np.minimum.at(exact, rows, squared)
-        return exact
+        chosen = points[indices, None]
+        gaps = np.maximum(np.maximum(low - chosen, chosen - high), 0.0)
+        rows, triangles = np.nonzero(_dot(gaps, gaps) < bounds[indices, None])
+        squared = squared_distances(points[indices[rows]], self._corners[triangles])
+        np.minimum.at(bounds, indices[rows], squared)
+        return float(bounds[indices].max())
 
     @cached_property
     def _boxes(self) -> tuple[np.ndarray, np.ndarray]:
         return self._corners.min(axis=1), self._corners.max(axis=1)
 
     @cached_property
-    def _tree(self) -> tuple[cKDTree, np.ndarray]:
+    def _tree(self) -> tuple[KDTree, np.ndarray]:
         points, owners = self._inside
-        return cKDTree(points, balanced_tree=False, compact_nodes=False), owners
+        return KDTree(points, balanced_tree=False, compact_nodes=False), owners
+
+    @cached_property
+    def _points(self) -> tuple[np.ndarray, np.ndarray]:
+        """`points`, and the triangle on which each lies."""
+        pieces = [self._inside, *(self._along_edge(i) for i in range(3))]
+        points, owners = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
+        cells = np.floor((points - points.min(axis=0)) / (self._spacing / 2)).astype(np.int64)
+        keys = (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+        kept = np.unique(keys, return_index=True)[1]
+        # Corners are where the farthest points mostly are: none may be thinned out.
+        corners, first = np.unique(self._corners.reshape(-1, 3), axis=0, return_index=True)
+        return np.concatenate([corners, points[kept]]), np.concatenate([first // 3, owners[kept]])
 
     @cached_property
     def _inside(self) -> tuple[np.ndarray, np.ndarray]:
@@ -95,23 +110,16 @@ class Surface:
         a, b, c = np.moveaxis(self._corners, 1, 0)
         longest = self._edge_lengths.max(axis=1)
         heights = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(longest, 1e-300)
-        rows = np.ceil(longest / self._spacing) * np.ceil(heights / self._spacing)
-        owner, rank = _expand(np.ceil((rows + 1) / 2).astype(int))
-        # The R2 sequence of Roberts (2018) fills the unit square evenly; folded, the triangle.
-        s, t = np.modf(0.3 + rank * np.array([[0.7548776662466927], [0.5698402909980532]]))[0]
-        folded = s + t > 1
-        s, t = np.where(folded, 1 - s, s)[:, None], np.where(folded, 1 - t, t)[:, None]
-        return (1 - s - t) * a[owner] + s * b[owner] + t * c[owner], owner
+        cells = np.ceil(longest / self._spacing) * np.ceil(heights / self._spacing)
+        return _points_inside(self._corners, np.ceil((cells + 1) / 2).astype(int))
 
-    def _edge_points(self) -> np.ndarray:
-        pieces = []
-        for i in range(3):
-            counts = np.ceil(self._edge_lengths[:, i] / self._spacing).astype(int) - 1
-            owner, rank = _expand(np.maximum(counts, 0))
-            t = ((rank + 1) / (counts[owner] + 1))[:, None]
-            start, end = self._corners[owner, i], self._corners[owner, (i + 1) % 3]
-            pieces.append((1 - t) * start + t * end)
-        return np.concatenate(pieces)
+    def _along_edge(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Points on the i-th edges, corners left out, and the triangle of each."""
+        counts = np.ceil(self._edge_lengths[:, i] / self._spacing).astype(int) - 1
+        owner, rank = _expand(np.maximum(counts, 0))
+        t = ((rank + 1) / (counts[owner] + 1))[:, None]
+        start, end = self._corners[owner, i], self._corners[owner, (i + 1) % 3]
+        return (1 - t) * start + t * end, owner
 
     @cached_property
     def _edge_lengths(self) -> np.ndarray:
@@ -119,15 +127,20 @@ class Surface:
 
 
 def hausdorff(a: Surface, b: Surface, enough: float = np.inf) -> float:
-    """Two-sided distance in metres: the farthest that a sample of either lies from the other.
-
-    Above `enough` the answer may be too small, but stays above `enough`.
+    """Two-sided distance in metres: the farthest that a point of either lies from the other.
 
     The picture of a point moves no more than the point does, so this bounds how far a silhouette
-    of one surface can lie from that of the other, taken at the surface's depth.
+    of one surface can lie from that of the other, taken at the surface's depth. Above `enough` the
+    answer may be too small, but stays above `enough`.
     """
-    there = a.farthest(b.points, enough)
-    return there if there > enough else max(there, b.farthest(a.points, enough))
+    there = _one_sided(a, b, enough)
+    return there if there > enough else max(there, _one_sided(b, a, enough))
+
+
+def _one_sided(a: Surface, b: Surface, enough: float) -> float:
+    """Farthest that a point of `a` lies from `b`, the neighbourhood of the worst searched again."""
+    distance, worst = b.farthest(a.points, enough)
+    return distance if distance > enough else max(distance, b.farthest(a.close_up(worst))[0])
 
 
 def natural_spacing(area: float) -> float:
@@ -165,6 +178,17 @@ def _to_segment(ap: np.ndarray, ab: np.ndarray) -> np.ndarray:
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", a, b)
+
+
+def _points_inside(corners: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Evenly spread points in triangles (T, 3, 3), and the triangle of each."""
+    owner, rank = _expand(counts)
+    # The R2 sequence of Roberts (2018) fills the unit square evenly; folded, the triangle.
+    s, t = np.modf(0.3 + rank * np.array([[0.7548776662466927], [0.5698402909980532]]))[0]
+    folded = s + t > 1
+    s, t = np.where(folded, 1 - s, s)[:, None], np.where(folded, 1 - t, t)[:, None]
+    a, b, c = np.moveaxis(corners[owner], 1, 0)
+    return (1 - s - t) * a + s * b + t * c, owner
 
 
 def _expand(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 from xml.parsers import expat
 
 import numpy as np
@@ -76,6 +77,9 @@ class UrdfJoint:
     def moves(self) -> bool:
         """Whether the joint has a degree of freedom, its own or a mimicked one."""
         return self.type in MOVING_TYPES
+
+
+Named = TypeVar("Named", UrdfLink, UrdfJoint)
 
 
 @dataclass(frozen=True)
@@ -162,8 +166,8 @@ def _parse_xml(data: bytes, path: Path) -> ET.Element:
         raise _not_xml(error, path) from error
 
 
-def _unique(items: Iterable, what: str, path: Path) -> dict:
-    named = {}
+def _unique(items: Iterable[Named], what: str, path: Path) -> dict[str, Named]:
+    named: dict[str, Named] = {}
     for item in items:
         if item.name in named:
             raise InputError(

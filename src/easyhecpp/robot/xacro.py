@@ -16,7 +16,7 @@ from easyhecpp.robot.urdf import refuse_dtd
 _BY_HAND = "Expand it by hand (xacro FILE name:=value > robot.urdf) and give the URDF"
 
 
-def expand_xacro(path: Path, package_dirs: Sequence[str | os.PathLike] = ()) -> bytes:
+def expand_xacro(path: Path, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> bytes:
     """Expand a xacro file with the default values of its arguments.
 
     Packages in `$(find ...)` are looked for as `FileFinder` does.
