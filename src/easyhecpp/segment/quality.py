@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE
-from easyhecpp.segment.edges import EdgeReading
+from easyhecpp.segment.edge_reading import EdgeReading
 
 F64 = NDArray[np.float64]
 

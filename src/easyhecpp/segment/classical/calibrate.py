@@ -21,7 +21,8 @@ from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
 from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.classical.search import Scored
-from easyhecpp.segment.edges import EdgeConfig, EdgeReader, EdgeRefinement, refine_edges
+from easyhecpp.segment.edge_reading import EdgeReader
+from easyhecpp.segment.edges import EdgeConfig, EdgeRefinement, refine_edges
 from easyhecpp.segment.protocols import ViewMask
 from easyhecpp.segment.quality import ViewQuality, assess
 from easyhecpp.solve import Observation, PoseEstimate, SolveConfig, solve_pose

@@ -32,7 +32,7 @@ SEARCH_MESH_ERROR = 0.012
 SEARCH_VIEWS = 8
 """Most views that the search looks at; the best of it is scored on all."""
 
-SEARCH_TOLERANCE = 0.3
+SEARCH_TOLERANCE = 0.1
 """What a pixel without change counts against a seed: seeds are off by degrees, arms are thin."""
 
 
@@ -122,7 +122,7 @@ class _Overlay:
         chosen = informative_pairs(small, changes.pairs, max_pairs)
         self.views, numbers = np.unique(changes.pairs[chosen], return_inverse=True)
         self.pairs = np.ascontiguousarray(numbers.reshape(-1, 2).astype(np.int32))
-        maps = np.maximum(small[chosen], np.float32(-SEARCH_TOLERANCE))
+        maps = _weighed(np.maximum(small[chosen], np.float32(-SEARCH_TOLERANCE)))
         self.scale = 1.0 / max(float(np.maximum(maps, 0.0).sum()), 1.0)
         self.camera = scene.camera.scaled(size[0] / scene.camera.width)
         canvas_w, canvas_h = next_fast_len(2 * size[0], True), next_fast_len(2 * size[1], True)
@@ -194,6 +194,12 @@ def informative_pairs(maps: F32, pairs: I32, count: int) -> NDArray[np.intp]:
     return np.array(chosen, np.intp)
 
 
+def _weighed(maps: F32) -> F32:
+    """Every pair with the same say, so that none wins by something else that changed much in it."""
+    mass = np.maximum(maps, 0.0).sum(axis=(1, 2), keepdims=True) / maps[0].size
+    return (maps / np.maximum(mass, 0.01)).astype(np.float32)
+
+
 @jit
 def _differences(covers: F32, pairs: I32, out: F32) -> None:
     """Coverage of one view but not of the other, for every pair: ``(P, H, W)``."""
@@ -238,7 +244,7 @@ class PairScore:
     def __init__(self, scene: Scene, changes: ChangeMaps, tolerance: float) -> None:
         self.scene = scene
         self.changes = changes
-        self.maps = np.maximum(changes.maps, np.float32(-tolerance))
+        self.maps = _weighed(np.maximum(changes.maps, np.float32(-tolerance)))
 
     def __call__(self, T_mount_cam: F64) -> float:
         """Share of the change that the arm's motion explains, at most 1."""

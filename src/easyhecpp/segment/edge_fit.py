@@ -1,0 +1,383 @@
+"""The pose from edge offsets by generalised least squares, with an honest covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import nnls
+
+from easyhecpp._parallel import parallel_map
+from easyhecpp.geometry import (
+    inverse,
+    log_se3,
+    perturb_about,
+    pose_covariance_from_centred,
+    translation_matrix,
+)
+from easyhecpp.render import Contour
+from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
+from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
+from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
+from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+COVARIANCE_INFLATION = 1.5
+"""On the covariance of the edge fit, for what its noise model leaves out."""
+
+FEWEST = 60
+"""Contour samples with an edge under which nothing is fitted."""
+
+_DILATION_PRIOR_PX = 0.15
+"""Edges common to all contours: sharpening halos and the lens' blur, not a segmenter's habits."""
+
+_SMALLEST_SCALE_PX = 0.35
+_APART_PX = 30.0
+_BLUR_PX = 1.0
+_LEAST_WEIGHT = 0.05
+_JOINT_STEP = 1e-5
+_JOINT_UNIT = 1e-3
+_MOST_JOINT_UNITS = 10.0
+"""A joint that is off by more than 10 mrad is no noise but a wrong posture."""
+
+
+def offset_scale(readings: Sequence[EdgeReading], reach: float) -> float:
+    """Standard deviation of the good edges' offsets, pixels."""
+    found = [np.abs(r.offset[r.found]) for r in readings]
+    pooled = np.concatenate(found) if found else np.zeros(0)
+    if len(pooled) == 0:
+        return reach
+    return float(np.clip(1.4826 * np.median(pooled), _SMALLEST_SCALE_PX, 0.5 * reach))
+
+
+def _edge_weights(reading: EdgeReading, scale: float) -> F64:
+    """Tukey's weights."""
+    u = np.clip(np.abs(reading.offset) / (4.685 * scale), 0.0, 1.0)
+    return np.square(1.0 - np.square(u)) * reading.found
+
+
+def counts(readings: Sequence[EdgeReading], trust: F64) -> list[F64]:
+    """How much each sample counts: what stands still is the same edge again in every view."""
+    shows = max(1, sum(t > 0 and len(r.offset) > 0 for t, r in zip(trust, readings, strict=True)))
+    return [
+        t * r.found * np.where(r.kind == AGAINST_PLATE, 1.0, 1.0 / shows)
+        for t, r in zip(trust, readings, strict=True)
+    ]
+
+
+def stacked(readings: Sequence[EdgeReading], trust: F64, scale: float) -> tuple[F64, F64, F64]:
+    """Jacobians ``(N, 6)``, offsets ``(N,)`` and weights ``(N,)`` of all views."""
+    J = np.concatenate([r.contour.jacobians for r in readings])
+    offset = np.concatenate([r.offset for r in readings])
+    weights = [
+        c * _edge_weights(r, scale) for c, r in zip(counts(readings, trust), readings, strict=True)
+    ]
+    return J, offset, np.concatenate(weights)
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Averaged contour points of one view.
+
+    Attributes:
+        points: The points.
+        links: ``(N,)`` the link that each lies on.
+        still: ``(N,)`` whether it never moves.
+        joints: ``(N, n)`` outward displacement by each joint, px per rad (or m).
+    """
+
+    points: ContourPoints
+    links: I64
+    still: NDArray[np.bool_]
+    joints: F64
+
+    def __len__(self) -> int:
+        return len(self.links)
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Errors that a whole link or a whole posture shares, in one view.
+
+    Attributes:
+        link: Variance of the shift of each link's outline, px^2 along each axis: meshes are made
+            and covers fitted to a fraction of a millimetre.
+        joint: Variance of each joint, rad^2: encoders, gears and clocks are not perfect. It grows
+            towards the tip of the arm, which has less say than its root.
+    """
+
+    link: float
+    joint: float
+
+    def covariance(self, view: _Points) -> F64:
+        """Of the displacements of a view's points, ``(N, N)`` px^2."""
+        return self.link * _link_kernel(view) + self.joint * (view.joints @ view.joints.T)
+
+
+@dataclass(frozen=True)
+class EdgeFit:
+    """The generalised least squares solution.
+
+    Attributes:
+        T_mount_cam: ``(4, 4)``.
+        centre_cam: ``(3,)`` the point that ``delta`` turns about.
+        covariance: ``(6, 6)`` of ``delta``.
+        information, vectors: ``(V, 7, 7)`` and ``(V, 7)`` of each view on [delta, dilation].
+        dilation: Displacement common to all edges, pixels.
+        noise: Errors along the contour.
+        sources: Errors that links and postures share.
+        readings, weights: The edges at the solution and the say that each sample has.
+    """
+
+    T_mount_cam: F64
+    centre_cam: F64
+    covariance: F64
+    information: F64
+    vectors: F64
+    dilation: float
+    noise: NoiseModel
+    sources: Sources
+    readings: list[EdgeReading]
+    weights: list[F64]
+
+    @classmethod
+    def at(
+        cls, reader: EdgeReader, T_mount_cam: F64, reach_px: float, spacing_px: float, trust: F64
+    ) -> EdgeFit | None:
+        """Solve from a pose that is all but right; None when too few edges are found."""
+        scene = reader.scene
+        T = inverse(T_mount_cam)
+        for last in (False, False, True):
+            readings = reader.read(inverse(T), reach_px, spacing_px=spacing_px)
+            scale = offset_scale(readings, reach_px)
+            weights = [_edge_weights(r, scale) for r in readings]
+            twists = joint_twists(scene, T)
+            points = parallel_map(
+                lambda rwt: _average(*rwt), list(zip(readings, weights, twists, strict=True))
+            )
+            if sum(len(p) for p in points) < FEWEST // 3:
+                return None
+            sources = _fit_sources(points, trust)
+            left = [_without_sources(p, sources) for p in points]
+            noise = fit_noise(left, trust, _BLUR_PX)
+            information, vectors = _information(points, noise, sources, trust)
+            N = information.sum(axis=0)
+            N[6, 6] += 1.0 / _DILATION_PRIOR_PX**2
+            if np.linalg.cond(N) > 1e16:
+                return None
+            solution = np.linalg.solve(N, vectors.sum(axis=0))
+            centre = scene.centre_cam(T)
+            if not last:
+                T = perturb_about(T, centre, solution[:6])
+        spread = between_views(N, information, vectors, solution)
+        return cls(
+            inverse(T), centre, COVARIANCE_INFLATION * spread[:6, :6], information, vectors,
+            float(solution[6]), noise, sources, readings, weights,
+        )  # fmt: skip
+
+    def estimate(self, start: PoseEstimate, ids: Sequence[str], trust: F64) -> PoseEstimate:
+        """As the solver states its poses, in the same convention."""
+        known = {v.id: v for v in start.views}
+        views, contours = [], []
+        for i, (r, w) in enumerate(zip(self.readings, self.weights, strict=True)):
+            total = float(w.sum())
+            n = max(len(w), 1)
+            off = np.abs(r.offset[r.found])
+            views.append(
+                ViewFit(
+                    id=ids[i],
+                    weight=float(trust[i]) * total / n,
+                    rms_px=float(np.sqrt((w * r.offset**2).sum() / total)) if total > 0 else 0.0,
+                    iou=known[ids[i]].iou if ids[i] in known else float("nan"),
+                    contour_px=float(len(w) * r.contour.spacing),
+                    outliers=float(np.mean(w < 0.25)) if len(w) else 0.0,
+                    outlier_px=float(np.median(off)) if len(off) else 0.0,
+                    noise_px=self.noise.sigma_px * float(self.noise.view_scale[i]),
+                    flags=known[ids[i]].flags if ids[i] in known else (),
+                )
+            )
+            keep = r.found
+            contours.append(
+                ContourFit(
+                    points=r.contour.points[keep],
+                    normals=r.contour.normals[keep],
+                    residuals=r.offset[keep],
+                    distances=r.offset[keep],
+                    weights=w[keep],
+                    jacobians=r.contour.jacobians[keep],
+                    links=r.contour.links[keep],
+                )
+            )
+        return PoseEstimate(
+            T_mount_cam=self.T_mount_cam,
+            covariance=pose_covariance_from_centred(self.covariance, self.centre_cam),
+            views=tuple(views),
+            dilation_px=self.dilation,
+            status="converged",
+            message="The pose settled on the edges in the images.",
+            centre_cam=self.centre_cam,
+            contours=tuple(contours),
+            information=self.information,
+            vectors=self.vectors,
+        )
+
+
+def _average(reading: EdgeReading, weights: F64, twists: F64) -> _Points:
+    """Samples that lie together averaged: link by link, what stands still by itself."""
+    c = reading.contour
+    parts, links, still = [], [], []
+    for link in np.unique(c.links):
+        for kind in (AGAINST_PLATE, COLOUR):
+            own = (c.links == link) & (reading.kind == kind) & (weights > _LEAST_WEIGHT)
+            if not own.any():
+                continue
+            contour = Contour(
+                c.points[own], c.normals[own], c.links[own], c.jacobians[own], c.points_cam[own],
+                c.spacing,
+            )  # fmt: skip
+            evidence = Evidence(
+                contour=contour, points=contour.points, jacobians=contour.jacobians,
+                residuals=reading.offset[own], distances=reading.offset[own], length=c.spacing,
+                mismatch=0.0, iou=0.0,
+            )  # fmt: skip
+            parts.append(average_samples(evidence, weights[own]))
+            links.append(np.full(len(parts[-1]), link, np.int64))
+            still.append(np.full(len(parts[-1]), kind == COLOUR))
+    if not parts:
+        none = np.zeros(0)
+        points = ContourPoints(
+            np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 6)), none, none, none
+        )
+        return _Points(
+            points, np.zeros(0, np.int64), np.zeros(0, np.bool_), np.zeros((0, len(twists)))
+        )
+    joined = [
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("points", "normals", "jacobians", "residuals", "weights", "length_px")
+    ]
+    points, on = ContourPoints(*joined), np.concatenate(links)
+    joints = np.einsum("ni,kni->nk", points.jacobians, twists[:, on])
+    return _Points(points, on, np.concatenate(still), joints)
+
+
+def joint_twists(scene: Scene, T_cam_mount: F64) -> F64:
+    """How each joint moves each link in every view, ``(V, n, L, 6)``.
+
+    As ``delta`` about the arm's middle in the camera frame per radian (or metre) of the joint, so
+    that a contour's Jacobian by ``delta`` tells how the joint displaces it.
+    """
+    centre = translation_matrix(scene.centre_cam(T_cam_mount))
+    back = inverse(centre)
+    before = T_cam_mount @ scene.Ts_mount_link
+    n = scene.joints.shape[1]
+    twists = np.empty((len(scene), n, before.shape[1], 6))
+    for joint in range(n):
+        moved = scene.joints.copy()
+        moved[:, joint] += _JOINT_STEP
+        after = T_cam_mount @ scene.rig.Ts_mount_link(moved)
+        twists[:, joint] = log_se3(back @ after @ inverse(before) @ centre) / _JOINT_STEP
+    return twists
+
+
+def _link_kernel(points: _Points) -> F64:
+    """Covariance of the displacements for a unit variance of each link's shift, ``(N, N)``."""
+    n = points.points.normals
+    return (n @ n.T) * (points.links[:, None] == points.links[None])
+
+
+def _fit_sources(views: Sequence[_Points], trust: F64) -> Sources:
+    """Fit the variances to the products of residuals far apart from each other.
+
+    Far apart, what a picture's texture does to an edge is no longer shared: only links and joints
+    that are off as a whole make distant residuals alike.
+    """
+    normal, right = np.zeros((2, 2)), np.zeros(2)
+    for view, weight in zip(views, trust, strict=True):
+        if len(view) < 2 or weight <= 0.0:
+            continue
+        p = view.points.points
+        square = np.sum(p * p, axis=1)
+        apart = square[:, None] + square[None] - 2.0 * (p @ p.T) > _APART_PX**2
+        moving = ~view.still
+        apart &= moving[:, None] & moving[None]
+        kernels = np.stack([_link_kernel(view), (view.joints @ view.joints.T) * _JOINT_UNIT**2])
+        kernels = kernels[:, apart]
+        # Large products come from the same few large errors: weigh by what is expected of them.
+        expected = 1.0 + np.sqrt(np.sum(np.square(kernels), axis=0))
+        product = np.outer(view.points.residuals, view.points.residuals)[apart]
+        normal += (kernels / expected) @ (kernels / expected).T
+        right += (kernels / expected) @ (product / expected)
+    if not normal.any():
+        return Sources(0.0, 0.0)
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
+    solution, _ = nnls(normal / scale[:, None] / scale[None], right / scale)
+    link, joint = solution / scale
+    return Sources(float(link), float(min(joint, _MOST_JOINT_UNITS**2)) * _JOINT_UNIT**2)
+
+
+def _without_sources(view: _Points, sources: Sources) -> ContourPoints:
+    """The points with the most likely shifts of links and joints taken out of the residuals."""
+    p = view.points
+    if len(p) == 0:
+        return p
+    K = sources.covariance(view)
+    local = K + np.eye(len(p)) * max(1.0, float(np.median(np.square(p.residuals)))) * 4.0
+    return replace(p, residuals=p.residuals - K @ np.linalg.solve(local, p.residuals))
+
+
+def _information(
+    views: Sequence[_Points], noise: NoiseModel, sources: Sources, trust: F64
+) -> tuple[F64, F64]:
+    """Per view information ``(V, 7, 7)`` on [delta, dilation], and vectors ``(V, 7)``."""
+    # In every view an edge that never moves is the same measurement again.
+    repeats = max(1, sum(t > 0.0 and len(v) > 0 for t, v in zip(trust, views, strict=True)))
+
+    def one(index: int) -> tuple[F64, F64]:
+        view = views[index]
+        if len(view) == 0 or trust[index] <= 0.0:
+            return np.zeros((7, 7)), np.zeros(7)
+        p = view.points
+        C = noise.covariance(p, index) + sources.covariance(view)
+        scale = np.where(view.still, np.sqrt(repeats), 1.0)
+        C *= scale[:, None] * scale[None]
+        A = np.column_stack([p.jacobians, np.ones(len(p))])
+        factor = cho_factor(C, lower=True, check_finite=False)
+        CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
+        return trust[index] * (A.T @ CA[:, :7]), trust[index] * (A.T @ CA[:, 7])
+
+    parts = parallel_map(one, range(len(views)))
+    return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])
+
+
+def between_views(N: F64, information: F64, vectors: F64, solution: F64) -> F64:
+    """Covariance ``(7, 7)`` that honours how much the views contradict each other.
+
+    The noise along a contour says nothing of errors that a whole view or link shares: joints a
+    fraction of a degree off, a clock out of step, a lens not quite as stated. They show in that
+    the views pull the common pose apart. Along each direction the spread of the views' pulls is
+    compared with what the noise model expects (White's sandwich), drawn towards the expectation
+    as if six more views had agreed with it, and never taken below it.
+
+    Args:
+        N: ``(7, 7)`` the information of all, with the prior.
+        information: ``(V, 7, 7)`` and ``vectors`` ``(V, 7)`` of the views.
+        solution: ``(7,)`` the solution of all.
+    """
+    inverse_N = np.linalg.inv(N)
+    used = np.einsum("vii->v", information) > 0
+    n = int(np.count_nonzero(used))
+    if n < 3:
+        return inverse_N
+    root = np.linalg.cholesky(0.5 * (inverse_N + inverse_N.T))
+    pulls = (vectors - information @ solution)[used] @ root
+    # Whitened: the sum of the pulls' squares is the identity where the noise model is right.
+    spread = pulls.T @ pulls * (n / (n - 1.0))
+    values, axes = np.linalg.eigh((n * spread + 6.0 * np.eye(7)) / (n + 6.0))
+    return root @ (axes * np.maximum(values, 1.0)) @ axes.T @ root.T

@@ -1,0 +1,116 @@
+"""What the images say along the contour of the arm at a pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp._parallel import parallel_map
+from easyhecpp.geometry import inverse
+from easyhecpp.render import Contour
+from easyhecpp.segment._edge_kernel import NONE, STEP, find_edges
+from easyhecpp.segment.backgrounds import Backgrounds
+
+F64 = NDArray[np.float64]
+
+_BLUR_PX = 1.0
+
+
+@dataclass(frozen=True)
+class EdgeReading:
+    """What the images say along the contour of one view at one pose; full-size pixels.
+
+    Attributes:
+        contour: The samples.
+        offset: ``(N,)`` outward displacement of the edge from the sample.
+        kind: ``(N,)`` what the edge was found from, 0 for no edge found.
+        contrast: ``(N,)`` steepness of the edge, 0..255 per pixel.
+    """
+
+    contour: Contour
+    offset: F64
+    kind: NDArray[np.int8]
+    contrast: F64
+
+    @property
+    def found(self) -> NDArray[np.bool_]:
+        """``(N,)`` whether there is an edge."""
+        return self.kind != NONE
+
+
+@dataclass(frozen=True)
+class EdgeSupport:
+    """How well the images bear a pose out; the check against wrong poses.
+
+    Attributes:
+        share: Share of the contour with an image edge within 1.5 px.
+        length_px: Length of the visible contour, all views.
+        covered: Share of the image that the arm covers, mean over the views.
+        views: Share for each view, nan where no contour is visible.
+    """
+
+    share: float
+    length_px: float
+    covered: float
+    views: F64
+
+
+class EdgeReader:
+    """Reads the edges in a set of views along the contour at any pose near the present one.
+
+    Args:
+        backgrounds: The pictures and what is behind the arm.
+        ignore: Per view ``(H, W)`` bool where the image says nothing, or None.
+    """
+
+    def __init__(
+        self, backgrounds: Backgrounds, ignore: Sequence[NDArray[np.bool_] | None] | None = None
+    ) -> None:
+        self.backgrounds = backgrounds
+        self.scene = backgrounds.scene
+        self.ignore = ignore
+        sigma = _BLUR_PX / STEP
+        half = int(np.ceil(2.5 * sigma))
+        k = np.arange(-half, half + 1)
+        taps = k * np.exp(-0.5 * np.square(k / sigma))
+        # Scaled so that a ramp of one unit per pixel gives one.
+        self.taps = taps / (np.sum(taps * k) * STEP)
+
+    def read(
+        self, T_mount_cam: F64, reach_px: float, *, spacing_px: float = 1.0
+    ) -> list[EdgeReading]:
+        """Edges of all views within ``reach_px`` of the contour at a pose."""
+        shown = self.scene.contours(inverse(T_mount_cam), 1, spacing=spacing_px)
+
+        def one(view: int) -> EdgeReading:
+            contour, coverage = shown[view]
+            n = len(contour)
+            offset, contrast, kind = np.zeros(n), np.zeros(n), np.zeros(n, np.int8)
+            find_edges(
+                self.backgrounds.values[view], self.backgrounds.plates[view],
+                (coverage > 0.5).astype(np.uint8), contour.points, contour.normals,
+                float(reach_px), self.taps, self.backgrounds.noise,
+                offset, contrast, kind,
+            )  # fmt: skip
+            if self.ignore is not None and self.ignore[view] is not None and n:
+                x, y = np.round(contour.points).astype(np.int64).T
+                kind[self.ignore[view][y, x]] = NONE
+            return EdgeReading(contour, offset, kind, contrast)
+
+        return parallel_map(one, range(len(self.scene)))
+
+    def support(self, T_mount_cam: F64) -> EdgeSupport:
+        """How well the images bear out a pose."""
+        readings = self.read(T_mount_cam, 4.0, spacing_px=2.0)
+        near = [r.found & (np.abs(r.offset) < 1.5) for r in readings]
+        total = sum(len(n) for n in near)
+        covers = self.scene.coverages(inverse(T_mount_cam), 8)
+        return EdgeSupport(
+            share=float(sum(n.sum() for n in near)) / max(total, 1),
+            length_px=2.0 * total,
+            covered=float(covers.mean()),
+            views=np.array([float(n.mean()) if len(n) else np.nan for n in near]),
+        )
