@@ -94,6 +94,7 @@ def test_the_switches_are_honoured(cache, monkeypatch, switch, value):
     assert "HF_HUB_OFFLINE" in text
     assert "hf download facebook/sam-vit-huge --include '*.json' --include '*.safetensors'" in text
     assert "--local-dir sam-vit-huge" in text
+    assert "give it as --box-weights" in text
     assert "--segmenter classical" in text
 
 

@@ -39,12 +39,14 @@ class WeightsSpec:
         default: name on the Hugging Face hub.
         model_types: ``model_type`` entries of ``config.json`` that this model can load.
         gated: whether the hub hands the weights out only to those who accepted a licence there.
+        option: the command-line option that names other weights for this model.
     """
 
     model: str
     default: str
     model_types: tuple[str, ...]
     gated: bool = False
+    option: str = "--box-weights"
 
     def fetch_command(self, name: str | None = None) -> str:
         """The shell command that puts the weights into a folder that can be carried around."""
@@ -160,7 +162,7 @@ def _not_to_be_had(spec: WeightsSpec, name: str, reason: str) -> InputError:
         f"the weights {name} of {spec.model} are not on this disk and cannot be fetched: {reason}",
         expected="weights in the Hugging Face cache or in a folder",
         fix=f"On a machine with network run `{spec.fetch_command(name)}`"
-        f"{gated if spec.gated else ''}, copy the folder here and name it as the weights. "
+        f"{gated if spec.gated else ''}, copy the folder here and give it as {spec.option}. "
         f"{_CLASSICAL}",
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from easyhecpp.segment.protocols import EncodedImage, PromptableSegmenter
 
-# A capture rarely has more views. An embedding takes 4 MB (SAM) to 20 MB (SAM 2).
+# A capture rarely has more views. An embedding takes 4 MB (SAM) to 25 MB (SAM-HQ).
 IMAGES_REMEMBERED = 32
 
 

@@ -14,7 +14,10 @@ from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
 from easyhecpp.segment.protocols import ScoredBoxes
 
 GROUNDING_DINO = WeightsSpec(
-    "Grounding DINO", "IDEA-Research/grounding-dino-base", ("grounding-dino",)
+    "Grounding DINO",
+    "IDEA-Research/grounding-dino-base",
+    ("grounding-dino",),
+    option="--text-weights",
 )
 
 _PREPROCESSING = Preprocessing("shortest", size=800, longest=1333)

@@ -15,7 +15,9 @@ from easyhecpp.models.sam3.boxes import SAM3_PREPROCESSING
 from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
 from easyhecpp.segment.protocols import ScoredMasks
 
-SAM3_TEXT = WeightsSpec("SAM 3", "facebook/sam3", ("sam3", "sam3_video"), gated=True)
+SAM3_TEXT = WeightsSpec(
+    "SAM 3", "facebook/sam3", ("sam3", "sam3_video"), gated=True, option="--text-weights"
+)
 
 _TOKENS = 32  # the length that SAM 3's text encoder was trained with
 

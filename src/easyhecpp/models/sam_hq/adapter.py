@@ -24,11 +24,12 @@ class SamHQSegmenter(PromptedSegmenter):
     """SAM-HQ, whose mask decoder also looks at an early layer of the image encoder."""
 
     def embed(self, pixels: torch.Tensor) -> dict[str, Any]:
-        """The image's final and intermediate embeddings."""
+        """The image's final embedding and that of an early layer."""
         final, intermediate = self.model.get_image_embeddings(pixels)
         return {
             "image_embeddings": to_float32(final),
-            "intermediate_embeddings": to_float32(intermediate),
+            # The decoder reads the first of them only, and each is five times the final one.
+            "intermediate_embeddings": to_float32(intermediate[:1]),
         }
 
 
