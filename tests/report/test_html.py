@@ -124,6 +124,13 @@ def test_the_record_tells_how_it_was_made():
         assert words in text
 
 
+def test_a_failed_pose_is_shown_without_its_uncertainty():
+    found = page(changed(verdict="failed", reasons=["It is bad."]))
+    assert "Pose, not to be used" in found.text
+    assert "±" not in found.text
+    assert "uncertainty" not in found.ids
+
+
 def test_a_failure_without_a_pose_shows_the_masks_and_no_numbers():
     found = page(without_pose())
     assert "No pose was found." in found.text

@@ -50,3 +50,20 @@ def test_flags_of_one_word_are_explained_and_sentences_kept():
     assert "moving" in flag_text("moving")
     assert flag_text("moving") != "moving"
     assert flag_text("The lens is dirty.") == "The lens is dirty."
+
+
+def test_a_failed_pose_is_given_no_uncertainty_and_a_doubtful_one_a_condition():
+    case = solved()
+    assert case.estimate is not None
+    said = {
+        verdict: " ".join(
+            verdict_text(
+                result_of(case.capture, case.estimate, verdict=verdict, reasons=["It is bad."])
+            ).why
+        )
+        for verdict in ("ok", "doubtful", "failed")
+    }
+    assert "±" in said["ok"]
+    assert "Were nothing else wrong" in said["doubtful"]
+    assert said["doubtful"].startswith("It is bad.")
+    assert "±" not in said["failed"]

@@ -101,7 +101,8 @@ def report_html(
         for picture in view_pictures(capture, T, hard)
     ]
     links = [] if estimate is None else link_table(estimate, names)
-    uncertainty = Uncertainty.of(result)
+    # Of a failed pose the uncertainty says nothing, and small numbers would mislead.
+    uncertainty = None if result.verdict == "failed" else Uncertainty.of(result)
     shown = next((v for v in capture.views if _weight(result, v.id) > 0), capture.views[0])
     scene, scene_note = "", ""
     if T is not None:

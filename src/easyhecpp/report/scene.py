@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 _WIDTH, _HEIGHT = 560, 330
 _OVERSAMPLE = 2
 _FOCAL_PX = 900.0
-_MARGIN_PX = 30.0
+_MARGINS_PX = (66.0, 30.0)
 _GRAZE_DEG, _TURN_DEG = 24.0, 62.0
 _LEVELS = 24
 _FLOOR_STEP = 0.25
@@ -111,7 +111,7 @@ def _stage(arm: F64, frustum: F64, up: F64, base: F64) -> _Stage:
         transform_points(T_view_mount, points)
     )
     low, high = unit.min(axis=0), unit.max(axis=0)
-    room = np.array([_WIDTH, _HEIGHT]) - 2 * _MARGIN_PX
+    room = np.array([_WIDTH, _HEIGHT]) - 2 * np.array(_MARGINS_PX)
     zoom = float((room / (high - low)).min())
     centre = np.array([_WIDTH, _HEIGHT]) / 2 - zoom * 0.5 * (low + high)
     f = _FOCAL_PX * zoom
@@ -215,15 +215,15 @@ def _camera_label(stage: _Stage, frustum: F64) -> list[str]:
     px = stage.pixels(frustum)
     away = px[0] - px[1:].mean(axis=0)
     away = away / max(float(np.linalg.norm(away)), 1e-9)
-    return [_text(px[0] + away * (40.0, 24.0) + (0.0, 4.0), "camera")]
+    return [_text(px[0] + away * (44.0, 24.0) + (0.0, 4.0), "camera")]
 
 
 def _label(stage: _Stage, point: F64, name: str) -> list[str]:
-    return [_text(stage.pixels(point[None])[0] + (0.0, 24.0), name)]
+    return [_text(stage.pixels(point[None])[0] + (0.0, 30.0), name)]
 
 
 def _text(at: F64, name: str) -> str:
-    half = 3.6 * len(name)
+    half = 4.0 * len(name)
     x = float(np.clip(at[0], half + 2.0, _WIDTH - half - 2.0))
     y = float(np.clip(at[1], 12.0, _HEIGHT - 4.0))
     return f'<text class="label" x="{x:.1f}" y="{y:.1f}" text-anchor="middle">{escape(name)}</text>'

@@ -99,7 +99,9 @@ def verdict_text(result: ResultFile) -> VerdictText:
         advice = (
             "Run `easyhecpp check-capture` on the capture: it lists everything that is wrong.",
         )
-    return VerdictText(result.verdict, word, headline, (*_numbers(result), *why), advice)
+    numbers = _numbers(result)
+    why = (*numbers, *why) if result.verdict == "ok" else (*why, *numbers)
+    return VerdictText(result.verdict, word, headline, why, advice)
 
 
 def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -143,11 +145,17 @@ def _numbers(result: ResultFile) -> tuple[str, ...]:
     if overlaps:
         views += f"; rendered arm and masks overlap by {_share(min(overlaps), max(overlaps))}"
     facts = [f"{views}."]
-    if result.sigma is not None:
-        known = f"The camera's position is known to ±\u00a0{result.sigma.position_mm:.2g}\u00a0mm"
-        if result.sigma.workspace_mm is not None:
-            known += f", a point at the arm to ±\u00a0{result.sigma.workspace_mm:.2g}\u00a0mm"
-        facts.append(f"{known} (one standard deviation).")
+    # A pose that failed is off by more than any residual tells: its sigma would mislead.
+    if result.sigma is not None and result.verdict != "failed":
+        camera, arm = (
+            None if sigma is None else f"±\u00a0{sigma:.2g}\u00a0mm"
+            for sigma in (result.sigma.position_mm, result.sigma.workspace_mm)
+        )
+        subject = "The camera's position is known to"
+        if result.verdict == "doubtful":
+            subject = "Were nothing else wrong, the camera's position would be known to"
+        at_arm = "" if arm is None else f", a point at the arm to {arm}"
+        facts.append(f"{subject} {camera}{at_arm} (one standard deviation).")
     return tuple(facts)
 
 
