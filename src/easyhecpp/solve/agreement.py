@@ -19,7 +19,8 @@ F64 = NDArray[np.float64]
 REDUCTION = 2
 """Size reduction at which views are compared: fine enough for a pixel, cheap enough for many."""
 
-_JOINT_PRIOR = 0.15
+_JOINT_SCALES_PX = (80.0, 80.0, 80.0, 40.0, 40.0, 20.0, 20.0, 10.0, 10.0, 5.0, 5.0, 3.0, 3.0)
+_JOINT_PRIOR = 0.3
 """Standard deviation of how far a joint may have moved before its picture was taken, rad or m."""
 
 
@@ -99,7 +100,7 @@ def refit_joints(problem: PoseProblem, view: int, T_cam_mount: F64) -> Agreement
     joints = recorded.copy()
     unit = pixel_unit(problem)
     best: Agreement | None = None
-    for scale in (30.0, 30.0, 30.0, 15.0, 15.0, 6.0, 6.0, 6.0, 3.0, 3.0):
+    for scale in _JOINT_SCALES_PX:
         alone = with_joints(problem, view, joints)
         (e,) = look(alone, T_cam_mount)
         now = summary([e], unit)

@@ -41,7 +41,8 @@ def reason_for(
     own, T_own = refit_camera(problem, view, T_cam_mount)
     moved = refit_joints(problem, view, T_cam_mount)
     by_camera, by_joints = float(own.mismatch[0]), float(moved.mismatch[0])
-    if by_joints < good and by_joints < 1.3 * by_camera:
+    explained = by_joints < good or by_joints < 0.4 * float(here.mismatch[view])
+    if explained and by_joints < 1.3 * by_camera:
         return "moving", (
             f"View {name}: the arm in the picture stands a little differently from the joints on "
             "record. Was it moving when the picture was taken, or do the joints belong to another "

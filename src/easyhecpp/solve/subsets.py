@@ -100,10 +100,11 @@ def _fitted_alone(problem: PoseProblem, starts: Sequence[F64]) -> list[tuple[F64
 def _tolerance(singles: Sequence[tuple[F64, float, float]], unit: float) -> Tolerance:
     distance = np.array([s[1] for s in singles])
     mismatch = np.array([s[2] for s in singles])
-    # A wrong mask is far from its own best pose too: that must not excuse it.
-    distance = np.minimum(distance, 2.0 * np.median(distance))
-    mismatch = np.minimum(mismatch, 2.0 * np.median(mismatch))
-    return Tolerance(1.4 * distance + 0.5 * unit, 1.4 * mismatch + 0.02)
+    # A view whose joints or mask are wrong is far from its own best pose too: that must not excuse
+    # it. The second best view tells what good masks look like, as at least two must be good.
+    distance = np.minimum(distance, 1.6 * np.sort(distance)[:2][-1])
+    mismatch = np.minimum(mismatch, 1.8 * np.sort(mismatch)[:2][-1])
+    return Tolerance(1.3 * distance + 0.4 * unit, 1.3 * mismatch + 0.015)
 
 
 def _promising_pairs(problem: PoseProblem, poses: Sequence[F64]) -> list[tuple[int, int]]:
