@@ -70,6 +70,7 @@ def test_the_whole_command(ran: Ran) -> None:
 
 
 def test_peak_memory(ran: Ran) -> None:
+    assert ran.code == 0, ran.text
     assert ran.memory <= MOST_MEMORY
 
 

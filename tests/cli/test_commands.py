@@ -1,0 +1,359 @@
+"""The commands on a small simulated capture with known truth."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from small_arm import scene, small_arm, write_urdf
+
+import easyhecpp.session
+from easyhecpp import __version__
+from easyhecpp.capture import Capture
+from easyhecpp.capture.write import RobotSource, write_capture
+from easyhecpp.cli import main
+from easyhecpp.errors import CalibrationError, MissingExtraError
+from easyhecpp.formats.exporters import TARGETS
+from easyhecpp.formats.result_file import ResultFile
+from easyhecpp.geometry import pose_error
+from easyhecpp.session import Calibration, calibrate
+from easyhecpp.session.demo import simulated_capture
+
+COMMANDS = (
+    "calibrate", "check-capture", "info", "overlay", "segment", "export", "compare", "bench",
+    "demo",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ran:
+    code: int
+    out: str
+    err: str
+
+
+def run(*words: object) -> Ran:
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err):
+        code = main([str(word) for word in words])
+    return Ran(code, out.getvalue(), err.getvalue())
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    return scene(3).T_base_cam
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A capture on disk."""
+    root = tmp_path_factory.mktemp("cli")
+    capture = simulated_capture(scene(3), np.random.default_rng(0), name="small")
+    urdf = write_urdf(root / "robot")
+    return write_capture(root / "small", capture, robot=RobotSource(urdf))
+
+
+@pytest.fixture(scope="module")
+def calibrated(folder: Path) -> tuple[Ran, Path]:
+    """What ``easyhecpp calibrate`` says and writes."""
+    out = folder.parent / "results"
+    return run("calibrate", folder, "--out", out), out
+
+
+@pytest.fixture(scope="module")
+def found(folder: Path) -> Calibration:
+    return calibrate(folder)
+
+
+@pytest.fixture
+def stubbed(found: Calibration, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Lets ``calibrate`` come to any verdict, at once."""
+
+    def come_to(verdict: str) -> None:
+        result = found.result.model_copy(update={"verdict": verdict, "reasons": ("Because.",)})
+        answer = replace(found, result=result)
+        monkeypatch.setattr(easyhecpp.session, "calibrate", lambda *_, **__: answer)
+
+    return come_to
+
+
+# calibrate
+
+
+def test_calibrate_finds_and_writes_the_pose(
+    calibrated: tuple[Ran, Path], folder: Path, truth: np.ndarray
+) -> None:
+    ran, out = calibrated
+    assert ran.code == 0, ran.err
+    result = ResultFile.read(out / "result.json")
+    assert result.verdict in ("ok", "doubtful")
+    assert result.T_mount_cam is not None
+    metres, radians = pose_error(result.T_mount_cam.array, truth)
+    assert metres < 0.02
+    assert np.degrees(radians) < 1.0
+    assert [v.id for v in result.views] == list(Capture.load(folder).view_ids)
+    assert result.segmenter == "given"
+    assert result.command == f"easyhecpp calibrate {folder} --out {out}"
+    for view in result.views:
+        assert len(list((out / "overlays").glob(f"{view.id}.*"))) == 1
+    assert not list(out.rglob("*.tmp"))
+
+
+def test_calibrate_summarises_for_people(calibrated: tuple[Ran, Path]) -> None:
+    ran, out = calibrated
+    for part in ("verdict: ", "pose of ", " in base", "xyz [m]", "quat [wxyz]", "sigma", "4 views"):
+        assert part in ran.out
+    assert str(out) in ran.out
+    # Progress goes to the other stream.
+    assert "optimising the pose" in ran.err
+    assert "optimising" not in ran.out
+
+
+def test_calibrate_prints_the_result_file_as_json(
+    folder: Path, tmp_path: Path, stubbed: Callable[[str], None]
+) -> None:
+    stubbed("ok")
+    ran = run("calibrate", folder, "--out", tmp_path / "out", "--json", "--quiet")
+    assert ran.code == 0
+    assert ran.err == ""
+    assert json.loads(ran.out) == json.loads((tmp_path / "out" / "result.json").read_text())
+
+
+def test_results_go_beside_the_user_unless_told_otherwise(
+    folder: Path, tmp_path: Path, stubbed: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stubbed("ok")
+    monkeypatch.chdir(tmp_path)
+    assert run("calibrate", folder, "--quiet").code == 0
+    assert (tmp_path / "small-calibration" / "result.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("verdict", "strict", "code"),
+    [
+        ("ok", False, 0),
+        ("ok", True, 0),
+        ("doubtful", False, 0),
+        ("doubtful", True, 3),
+        ("failed", False, 3),
+        ("failed", True, 3),
+    ],
+)
+def test_exit_codes(
+    verdict: str, strict: bool, code: int, folder: Path, tmp_path: Path,
+    stubbed: Callable[[str], None],
+) -> None:  # fmt: skip
+    stubbed(verdict)
+    words = [
+        "calibrate",
+        folder,
+        "--out",
+        tmp_path / "out",
+        "--quiet",
+        *["--strict"][: int(strict)],
+    ]
+    ran = run(*words)
+    assert ran.code == code
+    assert f"verdict: {verdict}" in ran.out
+    assert "Because." in ran.out
+    # Whatever the verdict, what was found can be looked at.
+    assert (tmp_path / "out" / "result.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (CalibrationError("No outline anywhere."), 3),
+        (MissingExtraError("torch", "models", "Pretrained segmentation"), 2),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_errors_become_exit_codes(
+    error: BaseException, code: int, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(easyhecpp.session, "calibrate", fail)
+    ran = run("calibrate", folder, "--out", tmp_path / "out", "--quiet")
+    assert ran.code == code
+    assert ran.out == ""
+    assert ran.err.startswith("easyhecpp: ")
+    assert len(ran.err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bug_is_not_hidden(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(easyhecpp.session, "calibrate", fail)
+    with pytest.raises(ZeroDivisionError):  # the interpreter prints it and exits with 1
+        main(["calibrate", str(folder), "--out", str(tmp_path / "out"), "--quiet"])
+
+
+# info, check-capture, overlay
+
+
+def test_info_on_a_capture(folder: Path) -> None:
+    ran = run("info", folder, "--json")
+    facts = json.loads(ran.out)
+    assert ran.code == 0
+    assert facts["capture"]["views"] == ["0000", "0001", "0002", "0003"]
+    assert facts["capture"]["with masks"] == 4
+    assert facts["camera"]["size"] == "480x360"
+    shown = run("info", folder).out
+    for part in ("lopsided", "yaw", "0003", "480x360"):
+        assert part in shown
+
+
+def test_info_on_a_robot(folder: Path) -> None:
+    urdf = folder / "robot" / "robot.urdf"
+    facts = json.loads(run("info", urdf, "--json").out)["robot"]
+    text = json.dumps(facts)
+    for name in (*small_arm().joint_names, *small_arm().link_names):
+        assert name in text
+    assert "lopsided" in run("info", urdf).out
+
+
+def test_info_on_a_result(calibrated: tuple[Ran, Path]) -> None:
+    path = calibrated[1] / "result.json"
+    assert json.loads(run("info", path, "--json").out) == json.loads(path.read_text())
+    assert "verdict" in run("info", path).out
+
+
+def test_check_capture(folder: Path) -> None:
+    ran = run("check-capture", folder)
+    assert ran.code == 0
+    assert "error" not in ran.out.replace("0 errors", "")
+    findings = json.loads(run("check-capture", folder, "--json").out)
+    assert all(finding["severity"] != "error" for finding in findings)
+
+
+def test_overlay(folder: Path, calibrated: tuple[Ran, Path], tmp_path: Path) -> None:
+    ran = run("overlay", folder, calibrated[1] / "result.json", "--out", tmp_path / "drawn")
+    assert ran.code == 0
+    assert "4 pictures" in ran.out
+    pictures = sorted((tmp_path / "drawn").iterdir())
+    assert [p.stem for p in pictures] == ["0000", "0001", "0002", "0003"]
+    assert cv2.imread(str(pictures[0])).shape == (360, 480, 3)
+
+
+def test_overlay_of_a_result_without_a_pose(
+    folder: Path, calibrated: tuple[Ran, Path], tmp_path: Path
+) -> None:
+    facts = json.loads((calibrated[1] / "result.json").read_text())
+    for key in ("T_mount_cam", "T_cam_mount", "covariance", "sigma"):
+        facts[key] = None
+    facts["verdict"] = "failed"
+    (tmp_path / "failed.json").write_text(json.dumps(facts))
+    ran = run("overlay", folder, tmp_path / "failed.json", "--out", tmp_path / "drawn")
+    assert ran.code == 2
+    assert "failed.json" in ran.err
+    assert not (tmp_path / "drawn").exists()
+
+
+# export, compare
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_export_writes_every_target(
+    target: str, calibrated: tuple[Ran, Path], tmp_path: Path
+) -> None:
+    words = ["export", calibrated[1] / "result.json", target, "--output", tmp_path / "exported"]
+    ran = run(*words, "--camera-name", "cam1")
+    assert ran.code == 0, ran.err
+    written = [Path(line.removeprefix("written: ")) for line in ran.out.splitlines()]
+    assert written
+    assert all(path.is_file() and path.stat().st_size > 0 for path in written)
+
+
+def test_export_prints_text_and_names_files_itself(
+    calibrated: tuple[Ran, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = calibrated[1] / "result.json"
+    ran = run("export", result, "ros2")
+    assert "static_transform_publisher" in ran.out
+    assert list(tmp_path.iterdir()) == []
+    ran = run("export", result, "npz")
+    assert ran.code == 0
+    (written,) = tmp_path.iterdir()
+    pose = ResultFile.read(result).T_mount_cam
+    assert pose is not None
+    with np.load(written) as arrays:
+        square = [arrays[name] for name in arrays if arrays[name].shape == (4, 4)]
+        assert any(np.allclose(T, pose.array) for T in square)
+
+
+def test_export_says_when_a_name_is_needed(calibrated: tuple[Ran, Path]) -> None:
+    ran = run("export", calibrated[1] / "result.json", "droid")
+    assert ran.code == 2
+    assert "needs a camera name" in ran.err
+
+
+def test_export_lists_its_targets(calibrated: tuple[Ran, Path]) -> None:
+    ran = run("export", calibrated[1] / "result.json", "ross2")
+    assert ran.code == 2
+    assert all(target in ran.err for target in TARGETS)
+    with pytest.raises(SystemExit), redirect_stdout(io.StringIO()) as out:
+        main(["export", "--help"])
+    shown = out.getvalue()
+    assert all(target in shown for target in TARGETS)
+
+
+def test_compare(calibrated: tuple[Ran, Path], tmp_path: Path) -> None:
+    result = calibrated[1] / "result.json"
+    ran = run("compare", result, result)
+    assert ran.code == 0
+    assert "mm" in ran.out
+    facts = json.loads(run("compare", result, result, "--json").out)
+    assert any(isinstance(value, float) and value == 0.0 for value in facts.values())
+    other = tmp_path / "other.json"
+    other.write_text(result.read_text().replace('"base"', '"torso"'))
+    ran = run("compare", result, other)
+    assert ran.code == 2
+    assert "torso" in ran.err
+
+
+# demo, help, version
+
+
+def test_demo_shows_the_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(easyhecpp.session.demo, "demo_scene", lambda rng: scene(3))
+    ran = run("demo", "--out", tmp_path / "demo", "--seed", 3)
+    assert ran.code == 0
+    for part in ("true camera position", "found camera position", "error: ", "mm"):
+        assert part in ran.out
+    assert (tmp_path / "demo" / "result.json").is_file()
+    named = ran.out.split("Look at ")[1].strip().rstrip(".")
+    assert Path(named).is_file()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help(command: str) -> None:
+    with pytest.raises(SystemExit) as stopped, redirect_stdout(io.StringIO()) as out:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    assert f"easyhecpp {command}" in out.getvalue()
+
+
+def test_help_lists_every_command_with_a_sentence() -> None:
+    with pytest.raises(SystemExit), redirect_stdout(io.StringIO()) as out:
+        main(["--help"])
+    shown = out.getvalue()
+    assert all(command in shown for command in COMMANDS)
+    listed = [line for line in shown.splitlines() if any(f" {c} " in line for c in COMMANDS)]
+    assert len(listed) >= len(COMMANDS)
+
+
+@pytest.mark.parametrize("word", ["--version", "-V"])
+def test_version(word: str) -> None:
+    assert run(word).out == f"easyhecpp {__version__}\n"
