@@ -165,12 +165,12 @@ def test_joint_vectors_of_the_wrong_length_or_not_finite(robots_folder: Path) ->
         robot.frame_pose(np.zeros(7), "tool")
 
 
-# Robots with COLLADA, STL and mirrored meshes; Go1's trunk claims that Y is up.
+# Robots with COLLADA, STL and mirrored meshes; the flying arm claims that Y is up.
 MESHED = ["panda", "ur5", "baxter", "so100", "kinova"]
 
 
 @pytest.mark.parametrize(
-    "file", [*(ROBOTS[name][0] for name in MESHED), "go1_description/urdf/go1.urdf"]
+    "file", [*(ROBOTS[name][0] for name in MESHED), "hextilt_description/urdf/hextilt_flying_arm_5.urdf"]
 )
 def test_link_meshes_stand_where_pinocchio_puts_them(file: str, robots_folder: Path) -> None:
     path = robots_folder / file

@@ -68,7 +68,7 @@ def test_the_reported_error_holds_under_other_sampling(
     assert len(simple.faces) < 0.5 * len(mesh.faces)
     assert 0 < simple.error <= max_error
     measured = max(
-        one_sided(random_points(mesh, 500), simple), one_sided(random_points(simple, 500), mesh)
+        one_sided(random_points(mesh, 300), simple), one_sided(random_points(simple, 300), mesh)
     )
     assert 0.5 * simple.error <= measured <= 1.02 * simple.error
 
@@ -147,17 +147,3 @@ def test_the_cache_may_fail(
         for entry in cache.cache_folder().glob("*.npz"):
             entry.write_bytes(entry.read_bytes()[:100])
     assert 0 < simplify_mesh(ball, 0.001).error <= 0.001
-
-
-def test_the_cache_does_not_grow_without_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(cache, "_MAX_FILES", 3)
-    for i in range(5):
-        cache.store_arrays(f"entry{i}", value=np.array(i))
-    assert len(list(cache.cache_folder().iterdir())) == 3
-    stored = cache.load_arrays("entry4")
-    assert stored is not None
-    assert stored["value"] == 4
-    assert cache.load_arrays("nothing") is None

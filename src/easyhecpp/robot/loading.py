@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from easyhecpp.errors import InputError
-from easyhecpp.robot import primitives
 from easyhecpp.robot.kinematics import build_tree
-from easyhecpp.robot.link_mesh import LinkMesh
-from easyhecpp.robot.mesh_files import Triangles, concatenate, read_mesh
+from easyhecpp.robot.link_shapes import load_meshes
 from easyhecpp.robot.resolve import FileFinder
 from easyhecpp.robot.robot import Robot, check_links
 from easyhecpp.robot.urdf import Shape, Urdf, parse_urdf
@@ -45,7 +43,7 @@ def load_robot(
     if not shapes:
         raise _no_geometry(urdf, ignored, geometry, path)
     files = _find_files(shapes, finder, urdf, geometry, path)
-    meshes = _load_meshes(shapes, files)
+    meshes = load_meshes(shapes, files)
 
     tree = build_tree(urdf, path)
     actuated = [j for j in urdf.joints if j.moves and j.mimic is None]
@@ -137,42 +135,6 @@ def _missing_fix(urdf: Urdf, finder: FileFinder, geometry: str) -> str:
     if geometry == "visual" and collisions and all(finder.find(f)[0] for f in collisions):
         fix += "; the collision meshes are all there: geometry='collision' would use them"
     return fix
-
-
-def _load_meshes(
-    shapes: dict[str, tuple[Shape, ...]], files: dict[str, Path]
-) -> tuple[LinkMesh, ...]:
-    read: dict[Path, Triangles] = {}
-    meshes = []
-    for link_shapes in shapes.values():
-        pieces, error = [], 0.0
-        for shape in link_shapes:
-            vertices, faces, shape_error = _shape_triangles(shape, files, read)
-            T = shape.T_link_shape
-            pieces.append((vertices @ T[:3, :3].T + T[:3, 3], faces))
-            error = max(error, shape_error)
-        mesh = LinkMesh.from_triangles(*concatenate(pieces), error=error)
-        if len(mesh.faces) == 0:
-            raise InputError(
-                "The mesh is empty: all its triangles are degenerate", where=link_shapes[0].where
-            )
-        meshes.append(mesh)
-    return tuple(meshes)
-
-
-def _shape_triangles(
-    shape: Shape, files: dict[str, Path], read: dict[Path, Triangles]
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Vertices in the shape's frame, faces, and the error of tessellation in metres."""
-    if shape.filename is None:
-        return getattr(primitives, shape.kind)(shape.size)
-    path = files[shape.filename]
-    if path not in read:
-        read[path] = read_mesh(path)
-    vertices, faces = read[path]
-    # A mirroring scale turns faces inside out; walking them the other way round undoes that.
-    mirrored = np.prod(shape.size) < 0
-    return vertices * np.array(shape.size), faces[:, ::-1] if mirrored else faces, 0.0
 
 
 def _no_geometry(urdf: Urdf, ignored: Sequence[str], geometry: str, path: Path) -> InputError:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from easyhecpp.errors import InputError
-from easyhecpp.robot.urdf import refuse_dtd
+from easyhecpp.robot.safe_xml import refuse_dtd
 
 SUFFIXES = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".off")
 

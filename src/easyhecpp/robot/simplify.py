@@ -48,7 +48,7 @@ def simplify_mesh(mesh: LinkMesh, max_error: float) -> LinkMesh:
     stored = load_arrays(key)
     if stored is None or not {"vertices", "faces", "error"} <= stored.keys():
         vertices, faces, error = _decimated_within(mesh, limit)
-        store_arrays(key, vertices=vertices, faces=faces, error=np.array(error))
+        store_arrays(key, {"vertices": vertices, "faces": faces, "error": error})
     else:
         vertices, faces, error = stored["vertices"], stored["faces"], float(stored["error"])
     if len(faces) >= len(mesh.faces):

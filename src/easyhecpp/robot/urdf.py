@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
-from xml.parsers import expat
 
 import numpy as np
 
 from easyhecpp.errors import InputError
+from easyhecpp.robot.safe_xml import parse_xml
 
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
 SHAPE_KINDS = ("mesh", "box", "cylinder", "sphere")
@@ -99,7 +99,7 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
         InputError: not XML, not a URDF, a DTD, a number that is not finite, an unknown joint
             type, or links that do not form one tree.
     """
-    element = _parse_xml(data, path)
+    element = parse_xml(data, path)
     if element.tag != "robot":
         raise InputError(
             f"The file is not a URDF: its root element is <{element.tag}>",
@@ -118,52 +118,6 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
         )
     root = _check_tree(links, list(joints.values()), path)
     return Urdf(element.get("name") or path.stem, links, tuple(joints.values()), root)
-
-
-class _PrologEndedError(Exception):
-    """Stops the parser at the first element: a declaration can only stand before it."""
-
-
-def refuse_dtd(data: bytes, path: Path) -> None:
-    """Refuse XML with a document type declaration, before any entity in it can expand.
-
-    Neither URDF nor COLLADA needs one, and entities are how a small file fills the memory or
-    reads other files.
-    """
-
-    def on_doctype(*_: object) -> None:
-        raise InputError(
-            "The file has a document type declaration (<!DOCTYPE ...>), which is refused because "
-            "entities in it could expand without end or read other files",
-            where=path,
-            expected="plain XML without <!DOCTYPE> and <!ENTITY>",
-            fix="Remove the declaration and write its entities out",
-        )
-
-    def on_element(*_: object) -> None:
-        raise _PrologEndedError
-
-    parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = on_doctype
-    parser.StartElementHandler = on_element
-    try:
-        parser.Parse(data, True)
-    except _PrologEndedError:
-        return
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise _not_xml(error, path) from error
-
-
-def _not_xml(error: Exception, path: Path) -> InputError:
-    return InputError(f"The file is not valid XML: {error}", where=path, expected="an XML file")
-
-
-def _parse_xml(data: bytes, path: Path) -> ET.Element:
-    refuse_dtd(data, path)
-    try:
-        return ET.fromstring(data)
-    except ET.ParseError as error:
-        raise _not_xml(error, path) from error
 
 
 def _unique(items: Iterable[Named], what: str, path: Path) -> dict[str, Named]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from easyhecpp.errors import InputError
 from easyhecpp.robot.resolve import FileFinder
-from easyhecpp.robot.urdf import refuse_dtd
+from easyhecpp.robot.safe_xml import refuse_dtd
 
 _BY_HAND = "Expand it by hand (xacro FILE name:=value > robot.urdf) and give the URDF"
 
