@@ -11,7 +11,7 @@ from small_arm import small_arm
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.report.outline import outline
 from easyhecpp.report.plots import histogram
-from easyhecpp.report.residuals import LinkRow, contour_plot, link_table, odd_links
+from easyhecpp.report.residuals import LinkRow, contour_plot, link_table, mask_table, odd_links
 from easyhecpp.solve import ContourFit
 
 
@@ -47,6 +47,21 @@ def test_the_table_holds_medians_by_link_and_view():
     rows = link_table(estimate, ["a", "b", "c"])
     # Ten pixels of b in the second view say too little; c is on no contour.
     assert rows == [LinkRow("a", (2.0, 4.0), 4.0), LinkRow("b", (-1.0, None), -1.0)]
+
+
+def test_a_tool_that_only_the_masks_show_is_found():
+    case = solved()
+    assert case.estimate is not None
+    hand = small_arm().link_names.index("hand")
+    masks = {}
+    for view, fit in zip(case.capture.views, case.estimate.contours, strict=True):
+        masks[view.id] = view.mask.copy()
+        for x, y in np.rint(fit.points[fit.links == hand]).astype(int):
+            masks[view.id][max(0, y - 12) : y + 13, max(0, x - 12) : x + 13] = True
+    (row,) = odd_links(mask_table(case.estimate, masks, small_arm().link_names))
+    assert row.link == "hand"
+    assert row.overall == pytest.approx(12.5, abs=2)
+    assert mask_table(case.estimate, {}, small_arm().link_names) == []
 
 
 def test_a_link_that_is_off_in_most_views_is_odd():

@@ -13,6 +13,8 @@ from easyhecpp.report.wording import flag_text, split_reasons, verdict_text
         ("Add views.", None, "Add views."),
         ("Nothing is known about 0.5 mm.", "Nothing is known about 0.5 mm.", None),
         ("One. Two. Take more views. Then go on.", "One. Two. Then go on.", "Take more views."),
+        ("View 3: it moved. Take it again.", "View 3: it moved.", "View 3: take it again."),
+        ("View 3 is bad. Leave it out.", "View 3 is bad.", "View 3: leave it out."),
         # Advice that speaks of "them" is kept with what it speaks of.
         (REASON, "Left out: 0002.", REASON),
     ],

@@ -28,6 +28,7 @@ from easyhecpp.report.residuals import (
     axis_limit_px,
     contour_plot,
     link_table,
+    mask_table,
     odd_links,
 )
 from easyhecpp.report.scene import scene_svg
@@ -124,7 +125,7 @@ def report_html(
         histogram=Markup("" if estimate is None else all_views_histogram(estimate, limit)),
         dilation_px=None if estimate is None else estimate.dilation_px,
         links=links,
-        odd_links=odd_links(links),
+        odd_links=[] if estimate is None else odd_links(mask_table(estimate, hard, names)),
         link_views=() if estimate is None else tuple(view.id for view in estimate.views),
         limit_px=limit,
         size=(capture.camera.width, capture.camera.height),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from scipy.spatial import KDTree
 
 from easyhecpp.report.plots import displacement_plot, histogram
 from easyhecpp.solve import ContourFit, PoseEstimate
+from easyhecpp.solve.evidence import sample, signed_distance
 
 F64 = NDArray[np.float64]
 
@@ -88,10 +89,32 @@ def all_views_histogram(estimate: PoseEstimate, limit_px: float) -> str:
 
 def link_table(estimate: PoseEstimate, names: Sequence[str]) -> list[LinkRow]:
     """Median displacement by link and view; links that are on no contour are left out."""
+    return _by_link(estimate.contours, [displacements(fit) for fit in estimate.contours], names)
+
+
+def mask_table(
+    estimate: PoseEstimate, masks: Mapping[str, NDArray[np.bool_]], names: Sequence[str]
+) -> list[LinkRow]:
+    """The same against the masks themselves, whatever the pose was fitted to in the end.
+
+    The last stage may fit edges, and sees only those near the arm: a tool that the URDF lacks shows
+    in the masks alone.
+    """
+    views = [
+        (fit, sample(signed_distance(masks[view.id].astype(np.float32)), fit.points))
+        for view, fit in zip(estimate.views, estimate.contours, strict=True)
+        if view.id in masks
+    ]
+    return _by_link([fit for fit, _ in views], [distances for _, distances in views], names)
+
+
+def _by_link(
+    fits: Sequence[ContourFit], distances: Sequence[F64], names: Sequence[str]
+) -> list[LinkRow]:
     rows: list[LinkRow] = []
     for index, name in enumerate(names):
-        parts = [displacements(fit)[fit.links == index] for fit in estimate.contours]
-        together = np.concatenate(parts)
+        parts = [d[fit.links == index] for fit, d in zip(fits, distances, strict=True)]
+        together = np.concatenate([np.zeros(0), *parts])
         if len(together) >= _MIN_CELL_PX:
             rows.append(LinkRow(name, tuple(_median(part) for part in parts), _median(together)))
     return rows

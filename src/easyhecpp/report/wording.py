@@ -34,6 +34,7 @@ _IMPERATIVES = frozenset(
         "hold",
         "improve",
         "keep",
+        "leave",
         "let",
         "look",
         "lower",
@@ -57,6 +58,7 @@ _IMPERATIVES = frozenset(
     | {"turn", "use", "wait"}
 )
 _POINTS_BACK = re.compile(r"\b(it|its|them|their|they|these|those)\b", re.IGNORECASE)
+_OF_A_VIEW = re.compile(r"(View \S+?):? ")
 _OK_NEXT = (
     "Glance at the outlines below: the pink line should follow the arm in every picture.",
     "Export the pose to your system with `easyhecpp export`.",
@@ -107,8 +109,9 @@ def verdict_text(result: ResultFile) -> VerdictText:
 def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Findings and advice out of reasons that mix both; nothing is said twice.
 
-    A sentence that begins with an imperative is advice. Where it speaks of "them" or "it", the
-    whole reason is kept as the advice, so that the reader knows of what.
+    A sentence that begins with an imperative is advice. That it is about one view, which the
+    reason's beginning names, is said again; where it otherwise speaks of "them" or "it", the whole
+    reason is kept as the advice, so that the reader knows of what.
     """
     why: dict[str, None] = {}
     advice: dict[str, None] = {}
@@ -119,7 +122,10 @@ def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, .
         found = " ".join(s for s, yes in zip(sentences, is_advice, strict=True) if not yes)
         if found:
             why[found] = None
-        if todo:
+        view = _OF_A_VIEW.match(reason)
+        if todo and view:
+            advice[f"{view[1]}: {todo[0].lower()}{todo[1:]}"] = None
+        elif todo:
             advice[reason.strip() if _POINTS_BACK.search(todo) else todo] = None
     return tuple(why), tuple(advice)
 
