@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
 from easyhecpp import _optional
 from easyhecpp.errors import InputError, MissingExtraError
 from easyhecpp.models import weights
+from easyhecpp.models.prompted import PromptedSegmenter
 from easyhecpp.models.sam import SAM, load_sam
 from easyhecpp.models.weights import WeightsSpec, offline, on_disk, preprocessor_settings, resolve
 
@@ -236,6 +238,16 @@ def test_a_missing_extra_is_said_with_its_pip_line(tiny, monkeypatch, package):
     monkeypatch.setattr(_optional.importlib, "import_module", without)
     with pytest.raises(MissingExtraError, match=r'pip install "easyhecpp\[models\]"'):
         load_sam(folder)
+
+
+def test_a_transformers_too_old_for_the_model_is_said(tiny):
+    folder = tiny("sam")
+    transformers = pytest.importorskip("transformers")
+    family = replace(SAM, class_name="Sam9Model")
+    with pytest.raises(InputError) as caught:
+        PromptedSegmenter(family, folder)
+    assert f"transformers {transformers.__version__} cannot load SAM" in str(caught.value)
+    assert 'pip install --upgrade "easyhecpp[models]"' in str(caught.value)
 
 
 def test_without_the_extra_nothing_is_on_disk(monkeypatch):

@@ -62,7 +62,7 @@ def load(
     feature = f"The model {spec.model}"
     require("torch", "models", feature)
     transformers = require("transformers", "models", feature)
-    model_class = getattr(transformers, class_name)
+    model_class = _find_class(transformers, class_name, spec)
     device = runtime.torch_device()
     folder = resolve(spec, weights)
     try:
@@ -92,6 +92,17 @@ def load_tokenizer(spec: WeightsSpec, folder: Path) -> Any:
     except Exception as error:  # as above
         reason = str(error).strip().splitlines()[0]
         raise _unreadable(spec, folder, f"its tokenizer does not load: {reason}") from error
+
+
+def _find_class(transformers: Any, class_name: str, spec: WeightsSpec) -> Any:
+    try:
+        return getattr(transformers, class_name)
+    except (AttributeError, ImportError) as error:
+        raise InputError(
+            f"transformers {transformers.__version__} cannot load {spec.model}",
+            expected=f"a version with {class_name}",
+            fix='pip install --upgrade "easyhecpp[models]"',
+        ) from error
 
 
 @contextmanager
