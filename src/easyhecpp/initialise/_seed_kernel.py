@@ -116,9 +116,9 @@ def fit_seeds(
                 # Under a strong lens right before the arm there may be no room: such a seed is
                 # drawn in part, scores badly and is none to keep.
                 n = min(n, capacity)
-                start, xs, owners = crossings(n, segments, height)
+                start, found = crossings(n, segments, height)
                 coverage[:] = 0.0
-                fill_coverage(start, xs, owners, weights, coverage)
+                fill_coverage(start, found, weights, coverage)
                 seen, mx, my, both, either = overlap(coverage, masks[v])
                 score += both / max(either, 1e-9) / n_views
                 if seen > 1.0:

@@ -17,9 +17,13 @@ from easyhecpp.render._project import project_row
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+I64 = NDArray[np.int64]
 
 LINES = 4
 """Sample lines per pixel row."""
+
+_UNITS_PER_PX = float(1 << 25)
+_FAR_PX = 16000.0
 
 
 @jit
@@ -36,12 +40,14 @@ def _line_range(y0: float, y1: float, n_lines: int) -> tuple[int, int]:
 
 
 @jit
-def crossings(n: int, segments: F64, height: int) -> tuple[I32, F64, I32]:
+def crossings(n: int, segments: F64, height: int) -> tuple[I32, I64]:
     """Crossings of all segments with the sample lines, sorted along each line.
 
+    One integer a crossing, so that sorting moves one number instead of two: x in units of
+    2**-25 px above 24 bits that name the segment and whether it runs upwards.
+
     Returns:
-        ``start`` ``(lines + 1,)``, and per crossing its ``x`` (pixels) and its owner: the number
-        of the segment plus one, negative when the segment runs upwards there.
+        ``start`` ``(lines + 1,)`` and the crossings; see `_x_of`, `_segment_of`, `_step_of`.
     """
     n_lines = height * LINES
     start = np.zeros(n_lines + 1, np.int32)
@@ -53,10 +59,8 @@ def crossings(n: int, segments: F64, height: int) -> tuple[I32, F64, I32]:
             start[line + 1] += 1
     for line in range(n_lines):
         start[line + 1] += start[line]
-    total = start[n_lines]
     fill = start[:-1].copy()
-    xs = np.empty(total)
-    owners = np.empty(total, np.int32)
+    found = np.empty(start[n_lines], np.int64)
     for s in range(n):
         first, last = ranges[s, 0], ranges[s, 1]
         if first >= last:
@@ -65,29 +69,42 @@ def crossings(n: int, segments: F64, height: int) -> tuple[I32, F64, I32]:
         slope = (x1 - x0) / (y1 - y0)
         x = x0 + slope * ((first + 0.5) / LINES - 0.5 - y0)
         slope /= LINES
-        owner = s + 1 if y1 > y0 else -s - 1
+        name = np.int64(2 * s + (y1 < y0))
         for line in range(first, last):
+            # Far outside of any image it does not matter how far.
+            key = (np.int64(min(max(x, -_FAR_PX), _FAR_PX) * _UNITS_PER_PX) << 24) | name
             i = fill[line]
             fill[line] = i + 1
             begin = start[line]
-            while i > begin and xs[i - 1] > x:
-                xs[i] = xs[i - 1]
-                owners[i] = owners[i - 1]
+            while i > begin and found[i - 1] > key:
+                found[i] = found[i - 1]
                 i -= 1
-            xs[i] = x
-            owners[i] = owner
+            found[i] = key
             x += slope
-    return start, xs, owners
+    return start, found
 
 
 @jit
-def _step(owner: int, weights: I32) -> int:
+def _x_of(crossing: int) -> float:
+    """Where a crossing lies, pixels."""
+    return (crossing >> 24) / _UNITS_PER_PX
+
+
+@jit
+def _segment_of(crossing: int) -> int:
+    """The segment that crosses."""
+    return (crossing & 0xFFFFFF) >> 1
+
+
+@jit
+def _step_of(crossing: int, weights: I32) -> int:
     """Layers gained when the crossing is passed from left to right."""
-    return weights[owner - 1] if owner > 0 else -weights[-owner - 1]
+    weight = weights[_segment_of(crossing)]
+    return -weight if crossing & 1 else weight
 
 
 @jit
-def fill_coverage(start: I32, xs: F64, owners: I32, weights: I32, out: F32) -> None:
+def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
     """Add the covered spans of every sample line to ``out`` ``(H, W)``, which must be zero."""
     height, width = out.shape
     unit = 1.0 / LINES
@@ -103,12 +120,12 @@ def fill_coverage(start: I32, xs: F64, owners: I32, weights: I32, out: F32) -> N
             left = 0.0
             for i in range(start[line], start[line + 1]):
                 before = layers
-                layers += _step(owners[i], weights)
+                layers += _step_of(found[i], weights)
                 if before <= 0 and layers > 0:
-                    left = xs[i]
+                    left = _x_of(found[i])
                 elif before > 0 and layers <= 0:
                     a = min(max(left + 0.5, 0.0), float(width))
-                    b = min(max(xs[i] + 0.5, 0.0), float(width))
+                    b = min(max(_x_of(found[i]) + 0.5, 0.0), float(width))
                     if b <= a:
                         continue
                     ia, ib = int(a), int(b)
@@ -130,8 +147,7 @@ def fill_coverage(start: I32, xs: F64, owners: I32, weights: I32, out: F32) -> N
 @jit
 def fill_jacobian(
     start: I32,
-    xs: F64,
-    owners: I32,
+    found: I64,
     segments: F64,
     ends: F64,
     weights: I32,
@@ -157,15 +173,15 @@ def fill_jacobian(
         layers = 0
         for i in range(start[line], start[line + 1]):
             before = layers
-            layers += _step(owners[i], weights)
+            layers += _step_of(found[i], weights)
             opens = before <= 0 and layers > 0
             closes = before > 0 and layers <= 0
             if not (opens or closes):
                 continue
-            column = int(np.floor(xs[i] + 0.5))
+            column = int(np.floor(_x_of(found[i]) + 0.5))
             if column < 0 or column >= width:
                 continue
-            s = abs(owners[i]) - 1
+            s = _segment_of(found[i])
             y0, y1 = segments[s, 1], segments[s, 3]
             slope = (segments[s, 2] - segments[s, 0]) / (y1 - y0)
             if abs(slope) > 1.0 or (upright and abs(slope) == 1.0):

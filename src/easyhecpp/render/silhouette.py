@@ -175,8 +175,7 @@ class SilhouetteRenderer:
         for link in range(self.packed.n_links):
             own = np.ascontiguousarray(seg.segments[: seg.count][links == link])
             weights = np.ascontiguousarray(seg.weights[: seg.count][links == link])
-            start, xs, owners = crossings(len(own), own, self.camera.height)
-            fill_coverage(start, xs, owners, weights, out[link])
+            fill_coverage(*crossings(len(own), own, self.camera.height), weights, out[link])
         return out
 
     def visible_links(self, Ts_cam_link: F64) -> NDArray[np.int16]:
@@ -229,7 +228,7 @@ class SilhouetteRenderer:
 
     def _cover(
         self, seg: _Segments, out: F32 | None
-    ) -> tuple[F32, tuple[NDArray[np.int32], F64, NDArray[np.int32]]]:
+    ) -> tuple[F32, tuple[NDArray[np.int32], NDArray[np.int64]]]:
         if out is None:
             out = np.zeros((self.camera.height, self.camera.width), np.float32)
         found = crossings(seg.count, seg.segments, self.camera.height)
