@@ -10,7 +10,7 @@ from pathlib import Path
 from easyhecpp._atomic import write_bytes
 from easyhecpp.errors import InputError
 from easyhecpp.robot.resolve import FileFinder
-from easyhecpp.robot.urdf import refuse_dtd
+from easyhecpp.robot.safe_xml import refuse_dtd
 
 
 def copy_robot(
