@@ -7,6 +7,8 @@ import pytest
 
 from easyhecpp.solve.correlation import ContourPoints, fit_noise
 
+SMOOTHING_PX = 1.2
+
 
 def ring(rng: np.random.Generator, residuals: str, n: int = 300) -> ContourPoints:
     angle = np.linspace(0, 2 * np.pi, n, endpoint=False)
@@ -36,7 +38,7 @@ NOTHING = ContourPoints(
 def test_covariance_is_positive_definite(kind: str) -> None:
     rng = np.random.default_rng(0)
     views = [ring(rng, kind), ring(rng, "white"), NOTHING]
-    noise = fit_noise(views, np.array([1.0, 0.5, 1.0]))
+    noise = fit_noise(views, np.array([1.0, 0.5, 1.0]), SMOOTHING_PX)
     for view in (0, 1):
         C = noise.covariance(views[view], view)
         np.testing.assert_allclose(C, C.T)
@@ -50,7 +52,7 @@ def test_correlated_errors_are_told_from_independent_ones() -> None:
     spread = {}
     for kind in ("white", "smooth"):
         views = [ring(rng, kind) for _ in range(4)]
-        noise = fit_noise(views, np.ones(4))
+        noise = fit_noise(views, np.ones(4), SMOOTHING_PX)
         weights = np.linalg.solve(noise.covariance(views[0], 0), np.ones(300))
         spread[kind] = 1.0 / np.sqrt(weights.sum())
         assert noise.sigma_px == pytest.approx(0.3, rel=0.25)
@@ -65,12 +67,12 @@ def test_a_view_without_trust_has_no_say() -> None:
         wrong.points, wrong.normals, wrong.jacobians, 50.0 * wrong.residuals, wrong.weights,
         wrong.length_px,
     )  # fmt: skip
-    alone = fit_noise(good, np.ones(3))
-    beside = fit_noise([*good, wrong], np.array([1.0, 1.0, 1.0, 0.0]))
+    alone = fit_noise(good, np.ones(3), SMOOTHING_PX)
+    beside = fit_noise([*good, wrong], np.array([1.0, 1.0, 1.0, 0.0]), SMOOTHING_PX)
     assert beside.sigma_px == pytest.approx(alone.sigma_px, rel=1e-6)
 
 
 def test_no_points_at_all() -> None:
-    noise = fit_noise([NOTHING, NOTHING], np.ones(2))
+    noise = fit_noise([NOTHING, NOTHING], np.ones(2), SMOOTHING_PX)
     assert np.isfinite(noise.sigma_px)
     assert noise.covariance(NOTHING, 0).shape == (0, 0)
