@@ -124,6 +124,19 @@ def test_the_record_tells_how_it_was_made():
         assert words in text
 
 
+def test_a_link_that_differs_from_the_urdf_is_named_at_the_top():
+    case = solved()
+    assert case.estimate is not None
+    hand = case.capture.robot.link_names.index("hand")
+    masks = {name: mask.copy() for name, mask in case.masks.items()}
+    for view, fit in zip(case.estimate.views, case.estimate.contours, strict=True):
+        for x, y in np.rint(fit.points[fit.links == hand]).astype(int):
+            masks[view.id][max(0, y - 12) : y + 13, max(0, x - 12) : x + 13] = True
+    text = page(replace(case, masks=masks)).text
+    assert 0 < text.index("Compare hand with the real one") < text.index("Pose and uncertainty")
+    assert "hand is larger in the masks than in" in text
+
+
 def test_a_failed_pose_is_shown_without_its_uncertainty():
     found = page(changed(verdict="failed", reasons=["It is bad."]))
     assert "Pose, not to be used" in found.text

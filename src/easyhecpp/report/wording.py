@@ -25,37 +25,11 @@ FLAGS = {
 """What the flags of one word mean; other flags are sentences already."""
 
 # A sentence that begins with one of these tells the reader to do something.
-_IMPERATIVES = frozenset(
-    {"add", "calibrate", "change", "check", "choose", "compare", "correct", "delete", "do", "drop"}
-    | {
-        "export",
-        "fix",
-        "give",
-        "hold",
-        "improve",
-        "keep",
-        "leave",
-        "let",
-        "look",
-        "lower",
-        "make",
-        "measure",
-    }
-    | {"move", "name", "open", "photograph", "put", "raise", "re-record", "record", "remove"}
-    | {
-        "repeat",
-        "replace",
-        "retake",
-        "run",
-        "see",
-        "segment",
-        "set",
-        "show",
-        "start",
-        "take",
-        "try",
-    }
-    | {"turn", "use", "wait"}
+_IMPERATIVE = re.compile(
+    r"(add|calibrate|change|check|choose|compare|correct|delete|do|drop|export|fix|give|hold|"
+    r"improve|keep|leave|let|look|lower|make|measure|move|name|open|photograph|put|raise|re-record|"
+    r"record|remove|repeat|replace|retake|run|see|segment|set|show|start|take|try|turn|use|wait)\b",
+    re.IGNORECASE,
 )
 _POINTS_BACK = re.compile(r"\b(it|its|them|their|they|these|those)\b", re.IGNORECASE)
 _OF_A_VIEW = re.compile(r"(View \S+?):? ")
@@ -117,7 +91,7 @@ def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, .
     advice: dict[str, None] = {}
     for reason in reasons:
         sentences = re.split(r"(?<=[.!?])\s+(?=[A-Z`])", reason.strip())
-        is_advice = [_first_word(sentence) in _IMPERATIVES for sentence in sentences]
+        is_advice = [_IMPERATIVE.match(sentence) is not None for sentence in sentences]
         todo = " ".join(s for s, yes in zip(sentences, is_advice, strict=True) if yes)
         found = " ".join(s for s, yes in zip(sentences, is_advice, strict=True) if not yes)
         if found:
@@ -128,10 +102,6 @@ def split_reasons(reasons: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, .
         elif todo:
             advice[reason.strip() if _POINTS_BACK.search(todo) else todo] = None
     return tuple(why), tuple(advice)
-
-
-def _first_word(sentence: str) -> str:
-    return re.split(r"[\s,:]", sentence, maxsplit=1)[0].lower()
 
 
 def flag_text(flag: str) -> str:
