@@ -42,17 +42,26 @@ class Export:
 
         result = ResultFile.read(self.result)
         link = None if self.camera_link is None else CameraLink.read(self.camera_link)
-        options = {
-            "camera_name": self.camera_name,
-            "camera_link": link,
-            "allow_failed": self.allow_failed,
-        }
         if self.output is None:
-            parts = render(result, self.target, **options)
+            parts = render(
+                result,
+                self.target,
+                camera_name=self.camera_name,
+                camera_link=link,
+                allow_failed=self.allow_failed,
+            )
             if len(parts) == 1 and _is_text(parts[""]):
                 say(parts[""].decode().rstrip("\n"))
                 return 0
-        for path in export(result, self.target, self.output, **options):
+        written = export(
+            result,
+            self.target,
+            self.output,
+            camera_name=self.camera_name,
+            camera_link=link,
+            allow_failed=self.allow_failed,
+        )
+        for path in written:
             say(f"written: {path}")
         return 0
 
