@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse
 from easyhecpp.rig import Rig
-from easyhecpp.solve.agreement import Agreement, agreement, pixel_unit
+from easyhecpp.solve.agreement import Agreement, agreement, pixel_unit, subproblem
 from easyhecpp.solve.leave_out import Prediction, leave_one_out
+from easyhecpp.solve.nuisance import Strain, strains
 from easyhecpp.solve.optimise import solve_pose
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.reasons import FEW_CONTOUR_PX, reason_for
@@ -62,11 +63,13 @@ class Findings:
         searched: True when so many views disagreed that the largest consistent set had to be
             searched for, and is what the pose rests on.
         contradictory: True when no two views agree, so that the pose is an average at best.
+        strains: What the residuals say about intrinsics and joint zeros taken as known.
     """
 
     views: tuple[ViewFinding, ...]
     searched: bool = False
     contradictory: bool = False
+    strains: tuple[Strain, ...] = ()
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
@@ -205,5 +208,10 @@ def _named(
         views.append(replace(view, flags=flags, prediction_px=p.rms_px))
     return (
         replace(estimate, views=tuple(views)),
-        Findings(tuple(findings), searched, contradictory),
+        Findings(tuple(findings), searched, contradictory, _strains(problem, T_cam_mount, kept)),
     )
+
+
+def _strains(problem: PoseProblem, T_cam_mount: F64, kept: Flags) -> tuple[Strain, ...]:
+    views = [int(v) for v in np.flatnonzero(kept)]
+    return strains(subproblem(problem, views), T_cam_mount) if views else ()

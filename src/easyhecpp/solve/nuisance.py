@@ -1,0 +1,274 @@
+"""Intrinsics and joint zeros that do not fit: a test that costs little, and a refinement.
+
+Both rest on the joint normal equations of ``[delta (6), dilation, focal, cx, cy, joint zeros (n)]``
+with the noise model of the last stage. What the pose can imitate is taken out first (Schur
+complement): what is left is what the data say about a parameter when the pose is free. The zero of
+the first joint and the base's yaw, for instance, leave nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from easyhecpp.camera import Camera
+from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.geometry import inverse, perturb_about
+from easyhecpp.rig import Rig
+from easyhecpp.solve.correlated import COVARIANCE_INFLATION
+from easyhecpp.solve.correlation import ContourPoints, average_samples, fit_noise
+from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.joint_jacobians import joint_jacobians
+from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.robust import consistent_scale, inlier_weights
+from easyhecpp.solve.types import Observation
+
+F64 = NDArray[np.float64]
+
+_SMOOTHING_PX = 1.2
+_POSE = 7
+_DILATION_INFORMATION = 4.0
+_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Strain:
+    """What the residuals say about a parameter that was taken as known.
+
+    Attributes:
+        name: ``focal`` (relative), ``cx``, ``cy`` (pixels) or a joint's name (radians or metres).
+        value: Correction that the residuals ask for, pose free.
+        sigma: Its standard deviation; infinite where the pose can imitate it.
+    """
+
+    name: str
+    value: float
+    sigma: float
+
+    @property
+    def z(self) -> float:
+        """Correction in standard deviations."""
+        return self.value / self.sigma if np.isfinite(self.sigma) else 0.0
+
+
+@dataclass(frozen=True)
+class NuisanceConfig:
+    """What is refined besides the pose; nothing unless asked for.
+
+    Attributes:
+        joint_zeros: Names of joints whose zero may be off.
+        focal: Refine the focal length (both axes by one factor).
+        principal_point: Refine the principal point.
+        joint_prior: Standard deviation of a joint's zero, radians or metres.
+        focal_prior: Of the focal length, relative.
+        principal_prior_px: Of the principal point, pixels.
+    """
+
+    joint_zeros: tuple[str, ...] = ()
+    focal: bool = False
+    principal_point: bool = False
+    joint_prior: float = 0.01
+    focal_prior: float = 0.03
+    principal_prior_px: float = 15.0
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Refined parameters.
+
+    Attributes:
+        T_mount_cam: ``(4, 4)`` pose that goes with them.
+        camera: Refined intrinsics.
+        joint_zeros: ``(n,)`` to be added to recorded joint values.
+        corrections: Value and standard deviation of every refined parameter.
+    """
+
+    T_mount_cam: F64
+    camera: Camera
+    joint_zeros: F64
+    corrections: tuple[Strain, ...]
+
+
+def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[Strain, ...]:
+    """Test every parameter that was taken as known, one at a time.
+
+    Args:
+        problem: The views; those of weight 0 have no say.
+        T_cam_mount: ``(4, 4)`` solution.
+    """
+    names = _names(problem.rig)
+    N, b = _joint_normal_equations(problem, T_cam_mount)
+    found = []
+    for k, name in enumerate(names, start=_POSE):
+        left, vector = _without_pose(N, b, np.array([k]))
+        information = float(left[0, 0])
+        # Nothing but rounding is left of what the pose imitates exactly.
+        if information <= 1e-6 * float(N[k, k]):
+            found.append(Strain(name, 0.0, np.inf))
+            continue
+        sigma = float(np.sqrt(COVARIANCE_INFLATION / information))
+        found.append(Strain(name, float(vector[0]) / information, sigma))
+    return tuple(found)
+
+
+def refine_nuisances(
+    rig: Rig,
+    camera: Camera,
+    observations: Sequence[Observation],
+    T_mount_cam: F64,
+    config: NuisanceConfig,
+) -> Refinement:
+    """Refine pose, intrinsics and joint zeros together.
+
+    Args:
+        rig: Robot and set-up.
+        camera: Intrinsics.
+        observations: The views.
+        T_mount_cam: ``(4, 4)`` the solution without them.
+        config: What to refine.
+
+    Raises:
+        InputError: Nothing is asked for, or a joint that the robot does not have.
+        CalibrationError: The data cannot tell a parameter from the pose or from the others.
+    """
+    chosen, prior = _chosen(rig, config)
+    names = [_names(rig)[k - _POSE] for k in chosen]
+    zeros = np.zeros(rig.robot.n_joints)
+    total = np.zeros(len(chosen))
+    T = inverse(np.asarray(T_mount_cam, np.float64))
+    covariance = np.zeros((len(chosen), len(chosen)))
+    for step in range(_ROUNDS):
+        moved = [replace(o, joints=o.joints + zeros) for o in observations]
+        problem = PoseProblem(rig, camera, moved)
+        N, b = _joint_normal_equations(problem, T)
+        if step == 0:
+            _refuse_unknowable(N, b, chosen, prior, names)
+        free = np.concatenate([np.arange(_POSE), chosen])
+        H = N[np.ix_(free, free)].copy()
+        g = b[free].copy()
+        H[_POSE:, _POSE:] += np.diag(1.0 / prior**2)
+        g[_POSE:] -= total / prior**2
+        solved = np.linalg.solve(H, g)
+        covariance = COVARIANCE_INFLATION * np.linalg.inv(H)[_POSE:, _POSE:]
+        T = perturb_about(T, problem.centre_cam(T), solved[:6])
+        change = solved[_POSE:]
+        total = total + change
+        camera, zeros = _applied(rig, camera, zeros, names, change)
+    sigma = np.sqrt(np.diag(covariance))
+    corrections = tuple(
+        Strain(n, float(v), float(s)) for n, v, s in zip(names, total, sigma, strict=True)
+    )
+    return Refinement(inverse(T), camera, zeros, corrections)
+
+
+def _names(rig: Rig) -> tuple[str, ...]:
+    return ("focal", "cx", "cy", *rig.robot.joint_names)
+
+
+def _chosen(rig: Rig, config: NuisanceConfig) -> tuple[F64, F64]:
+    names = _names(rig)
+    unknown = [n for n in config.joint_zeros if n not in rig.robot.joint_names]
+    if unknown:
+        raise InputError(
+            f"The robot has no joint {', '.join(unknown)}",
+            where="joint_zeros",
+            expected=f"some of {', '.join(rig.robot.joint_names)}",
+        )
+    wanted: dict[str, float] = dict.fromkeys(config.joint_zeros, config.joint_prior)
+    if config.focal:
+        wanted["focal"] = config.focal_prior
+    if config.principal_point:
+        wanted["cx"] = wanted["cy"] = config.principal_prior_px
+    if not wanted:
+        raise InputError("Nothing is to be refined", expected="joint zeros, focal length or centre")
+    chosen = [k for k, name in enumerate(names) if name in wanted]
+    return np.array(chosen) + _POSE, np.array([wanted[names[k]] for k in chosen])
+
+
+def _refuse_unknowable(N: F64, b: F64, chosen: F64, prior: F64, names: Sequence[str]) -> None:
+    """Raise unless the data, pose free, know every parameter better than its prior does."""
+    left, _ = _without_pose(N, b, chosen)
+    # Other parameters may be as wrong as their priors allow.
+    left = left + np.diag(1e-3 / prior**2)
+    sigma = np.sqrt(COVARIANCE_INFLATION * np.diag(np.linalg.inv(left)))
+    unknowable = [n for n, s, p in zip(names, sigma, prior, strict=True) if s > p]
+    if unknowable:
+        raise CalibrationError(
+            f"These views cannot tell {', '.join(unknowable)} from the camera's pose or from the "
+            "other parameters: the pictures would look the same. (The zero of the first joint, for "
+            "one, looks just like a turn of the base.) Refine fewer parameters, or add views in "
+            "which the arm looks very different."
+        )
+
+
+def _applied(
+    rig: Rig, camera: Camera, zeros: F64, names: Sequence[str], change: F64
+) -> tuple[Camera, F64]:
+    by_name = dict(zip(names, change, strict=True))
+    factor = 1.0 + by_name.get("focal", 0.0)
+    camera = replace(
+        camera,
+        fx=camera.fx * factor,
+        fy=camera.fy * factor,
+        cx=camera.cx + by_name.get("cx", 0.0),
+        cy=camera.cy + by_name.get("cy", 0.0),
+    )
+    return camera, zeros + np.array([by_name.get(n, 0.0) for n in rig.robot.joint_names])
+
+
+def _without_pose(N: F64, b: F64, chosen: F64) -> tuple[F64, F64]:
+    """Information and vector of the chosen parameters once pose and dilation are eliminated."""
+    pose = np.arange(_POSE)
+    gain = np.linalg.solve(N[np.ix_(pose, pose)], N[np.ix_(pose, chosen)]).T
+    return (
+        N[np.ix_(chosen, chosen)] - gain @ N[np.ix_(pose, chosen)],
+        b[chosen] - gain @ b[pose],
+    )
+
+
+def _joint_normal_equations(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64, F64]:
+    seen = problem.gather(T_cam_mount, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
+    scale = consistent_scale(seen, problem.weights)
+    averaged = []
+    for view, e in enumerate(seen):
+        J = np.column_stack([e.jacobians, _columns(problem, view, T_cam_mount, e)])
+        wide = average_samples(replace(e, jacobians=J), inlier_weights(e.distances, scale))
+        averaged.append(wide)
+    points = [_narrow(p) for p in averaged]
+    noise = fit_noise(points, problem.weights, _SMOOTHING_PX)
+    size = _POSE + 3 + problem.rig.robot.n_joints
+    N, b = np.zeros((size, size)), np.zeros(size)
+    N[6, 6] = _DILATION_INFORMATION
+    for view, (wide, p) in enumerate(zip(averaged, points, strict=True)):
+        if problem.weights[view] <= 0.0 or not len(p):
+            continue
+        A = noise.gain * np.column_stack(
+            [wide.jacobians[:, :6], np.ones(len(p)), wide.jacobians[:, 6:]]
+        )
+        factor = cho_factor(noise.covariance(p, view), lower=True, check_finite=False)
+        CA = cho_solve(factor, A, check_finite=False)
+        N += A.T @ CA
+        b += CA.T @ p.residuals
+    return N, b
+
+
+def _narrow(wide: ContourPoints) -> ContourPoints:
+    return replace(wide, jacobians=wide.jacobians[:, :6])
+
+
+def _columns(problem: PoseProblem, view: int, T_cam_mount: F64, e: Evidence) -> F64:
+    """Outward displacement by focal length, principal point and joint zeros: ``(N, 3 + n)``."""
+    camera, normals = problem.camera, e.contour.normals
+    from_centre = e.points - np.array([camera.cx, camera.cy])
+    joints = problem.observations[view].joints
+    return np.column_stack(
+        [
+            np.einsum("ni,ni->n", normals, from_centre),
+            normals,
+            joint_jacobians(problem.rig, camera, joints, T_cam_mount, e.contour),
+        ]
+    )
