@@ -170,7 +170,8 @@ MESHED = ["panda", "ur5", "baxter", "so100", "kinova"]
 
 
 @pytest.mark.parametrize(
-    "file", [*(ROBOTS[name][0] for name in MESHED), "hextilt_description/urdf/hextilt_flying_arm_5.urdf"]
+    "file",
+    [*(ROBOTS[name][0] for name in MESHED), "hextilt_description/urdf/hextilt_flying_arm_5.urdf"],
 )
 def test_link_meshes_stand_where_pinocchio_puts_them(file: str, robots_folder: Path) -> None:
     path = robots_folder / file

@@ -256,3 +256,25 @@ def test_real_captures(shared: Path) -> None:
     lbr = Robot.from_urdf(shared / "captures/lbr_med7_realsense/robot/robot.urdf")
     assert (lbr.base_link, lbr.n_joints, len(lbr.link_names)) == ("lbr_link_0", 7, 8)
     assert lbr.notes == ()
+
+
+def test_files_that_cannot_be_read(
+    write_urdf: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_box(tmp_path / "box.stl")
+    path = write_urdf(link("a", mesh_geometry("box.stl")))
+    read_bytes = Path.read_bytes
+
+    def refuse(suffix: str) -> None:
+        def read(file: Path) -> bytes:
+            if file.suffix == suffix:
+                raise PermissionError(13, "Permission denied", str(file))
+            return read_bytes(file)
+
+        monkeypatch.setattr(Path, "read_bytes", read)
+
+    refuse(".stl")
+    assert "mesh cannot be read" in message(path)
+    assert "box.stl" in message(path)
+    refuse(".urdf")
+    assert "robot description cannot be read" in message(path)

@@ -33,7 +33,10 @@ def load_meshes(
     Raises:
         InputError: a mesh cannot be read or is empty.
     """
-    key = _key(shapes, files)
+    try:
+        key = _key(shapes, files)
+    except OSError:  # let the reader of meshes say which file it is
+        return _read(shapes, files)
     meshes = _from_cache(key, len(shapes))
     if meshes is None:
         meshes = _read(shapes, files)

@@ -93,7 +93,10 @@ def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike[str]]
         from easyhecpp.robot.xacro import expand_xacro
 
         return expand_xacro(path, package_dirs)
-    return path.read_bytes()
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"The robot description cannot be read: {error}", where=path) from error
 
 
 def _find_files(

@@ -77,7 +77,7 @@ class Robot:
         from easyhecpp.robot.loading import load_robot
 
         return load_robot(
-            Path(path),
+            Path(path).expanduser(),
             package_dirs=package_dirs,
             base_link=base_link,
             ignore_links=ignore_links,

@@ -13,6 +13,8 @@ _SAMPLES = 6000
 _AT_ONCE = 64
 # Nearest samples whose triangles bound the distance of a point that may be the farthest.
 _NEIGHBOURS = 16
+# Triangles that share one box, the first that a point is compared with.
+_BLOCK = 32
 # Samples on each of the triangles that hold the worst places.
 _CLOSE_UP = 64
 
@@ -27,7 +29,8 @@ class Surface:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> None:
-        self._corners = vertices[faces]
+        corners = vertices[faces]
+        self._corners = corners[_neighbours_together(corners.mean(axis=1))]
         self._spacing = spacing
 
     @property
@@ -75,17 +78,25 @@ class Surface:
 
     def _make_exact(self, points: np.ndarray, bounds: np.ndarray, indices: np.ndarray) -> float:
         """Turn some upper bounds of squared distances into exact ones; returns the largest."""
-        low, high = self._boxes
-        chosen = points[indices, None]
-        gaps = np.maximum(np.maximum(low - chosen, chosen - high), 0.0)
-        rows, triangles = np.nonzero(_dot(gaps, gaps) < bounds[indices, None])
+        low, high, block_low, block_high = self._boxes
+        chosen, reach = points[indices], bounds[indices]
+        near = _to_boxes(chosen[:, None], block_low, block_high) < reach[:, None]
+        rows, blocks = np.nonzero(near)
+        triangles = (blocks[:, None] * _BLOCK + np.arange(_BLOCK)).ravel()
+        rows = np.repeat(rows, _BLOCK)
+        rows, triangles = rows[triangles < len(low)], triangles[triangles < len(low)]
+        near = _to_boxes(chosen[rows], low[triangles], high[triangles]) < reach[rows]
+        rows, triangles = rows[near], triangles[near]
         squared = squared_distances(points[indices[rows]], self._corners[triangles])
         np.minimum.at(bounds, indices[rows], squared)
         return float(bounds[indices].max())
 
     @cached_property
-    def _boxes(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._corners.min(axis=1), self._corners.max(axis=1)
+    def _boxes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Low and high corners of each triangle's box, and of each block of triangles."""
+        low, high = self._corners.min(axis=1), self._corners.max(axis=1)
+        starts = np.arange(0, len(low), _BLOCK)
+        return low, high, np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
 
     @cached_property
     def _tree(self) -> tuple[KDTree, np.ndarray]:
@@ -170,6 +181,12 @@ def squared_distances(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.where(inside, _dot(gap, gap), edges)
 
 
+def _to_boxes(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Squared distances of points (..., 3) to boxes (..., 3), shapes broadcast."""
+    gaps = np.maximum(np.maximum(low - points, points - high), 0.0)
+    return _dot(gaps, gaps)
+
+
 def _to_segment(ap: np.ndarray, ab: np.ndarray) -> np.ndarray:
     t = np.clip(_dot(ap, ab) / np.maximum(_dot(ab, ab), 1e-300), 0.0, 1.0)
     gap = ap - t[..., None] * ab
@@ -178,6 +195,14 @@ def _to_segment(ap: np.ndarray, ab: np.ndarray) -> np.ndarray:
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("...i,...i->...", a, b)
+
+
+def _neighbours_together(points: np.ndarray) -> np.ndarray:
+    """(N,) an order in which points (N, 3) near each other mostly follow each other."""
+    low, size = points.min(axis=0), max(float(np.ptp(points, axis=0).max()), 1e-12)
+    per_axis = max(np.cbrt(len(points)), 1.0)
+    cells = np.floor((points - low) * (per_axis / size)).astype(np.int64)
+    return np.argsort((cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2], kind="stable")
 
 
 def _points_inside(corners: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
