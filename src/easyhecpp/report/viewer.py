@@ -144,6 +144,7 @@ class PoseViewer:
             scale=0.16 * max(distance, 0.2),
             thickness=0.004,
             color=_BLUE,
+            image=_picture(self._capture.views[0]),
             jpeg_quality=80,
             cast_shadow=False,
         )
