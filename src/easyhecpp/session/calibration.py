@@ -132,6 +132,13 @@ def calibrate(
     )
 
 
+def robot_block(capture: Capture) -> RobotBlock:
+    """The arm as the result file names it."""
+    return RobotBlock(
+        name=capture.robot.name, base_link=capture.robot.base_link, ee_link=capture.ee_link
+    )
+
+
 def _result(
     capture: Capture,
     config: CalibrationConfig,
@@ -146,9 +153,7 @@ def _result(
     flags = {v.id: v.flags for v in outcome.findings.views}
     return ResultFile.build(
         setup=capture.setup,
-        robot=RobotBlock(
-            name=capture.robot.name, base_link=capture.robot.base_link, ee_link=capture.ee_link
-        ),
+        robot=robot_block(capture),
         camera=capture.camera,
         verdict=verdict.verdict,
         reasons=verdict.reasons,

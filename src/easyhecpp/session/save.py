@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from easyhecpp._atomic import write_image
-from easyhecpp.errors import InputError
+from easyhecpp.capture import Capture
+from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.report.html import write_report
 from easyhecpp.report.overlay import write_overlays
-from easyhecpp.session.calibration import Calibration
+from easyhecpp.session.calibration import Calibration, robot_block
 
 
 @contextmanager
@@ -54,7 +56,7 @@ def save(found: Calibration, folder: Path) -> None:
     Raises:
         InputError: A file cannot be written.
     """
-    write_overlays(folder / "overlays", found.capture, found.T_mount_cam)
+    write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
     write_report(folder / "report.html", found.result, found.capture, found.estimate, found.masks)
     found.result.write(folder / "result.json")
 
@@ -72,3 +74,25 @@ def save_masks(found: Calibration, folder: Path) -> list[Path]:
         written.append(path)
     write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
     return written
+
+
+def save_failure(
+    capture: Capture, error: CalibrationError, folder: Path, segmenter: str, command: str
+) -> None:
+    """Write the report and the result of a calibration that came to no pose.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    result = ResultFile.build(
+        setup=capture.setup,
+        robot=robot_block(capture),
+        camera=capture.camera,
+        verdict="failed",
+        reasons=[str(error)],
+        T_mount_cam=None,
+        segmenter=segmenter,
+        command=command,
+    )
+    write_report(folder / "report.html", result, capture)
+    result.write(folder / "result.json")

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 from tyro.conf import Positional
 
-from easyhecpp.cli.output import progress, say, say_json
+from easyhecpp.cli.output import complain, progress, say, say_json
+from easyhecpp.errors import CalibrationError
 
 if TYPE_CHECKING:
     from easyhecpp.formats.result_file import ResultFile
+    from easyhecpp.session import CalibrationConfig
 
 FAILED = 3
 
@@ -62,27 +64,21 @@ class Calibrate:
     def run(self, command_line: str) -> int:
         """Calibrate, write, summarise."""
         from easyhecpp.capture import Capture
-        from easyhecpp.session import CalibrationConfig, calibrate
-        from easyhecpp.session.save import output_folder, save
+        from easyhecpp.session import calibrate
+        from easyhecpp.session.save import output_folder, save, save_failure
 
         out = self.out or Path(f"{self.capture.resolve().name}-calibration")
         with progress(self.quiet) as tell:
             tell("reading the capture")
             capture = Capture.load(self.capture)
             with output_folder(out):
-                found = calibrate(
-                    capture,
-                    CalibrationConfig(
-                        segmenter=self.segmenter,
-                        first_pose=self.first_pose,
-                        edges=not self.no_edges,
-                        text_weights=self.text_weights,
-                        box_weights=self.box_weights,
-                        device=self.device,
-                    ),
-                    progress=tell,
-                    command=command_line,
-                )
+                try:
+                    found = calibrate(capture, self._config(), progress=tell, command=command_line)
+                except CalibrationError as error:
+                    save_failure(capture, error, out, self.segmenter, command_line)
+                    complain(f"easyhecpp: {error}")
+                    complain(f"Why, and what to do next: {out / 'report.html'}")
+                    return FAILED
                 tell("writing the results")
                 save(found, out)
         if self.json:
@@ -92,6 +88,18 @@ class Calibrate:
         if found.result.verdict == "failed" or (self.strict and found.result.verdict != "ok"):
             return FAILED
         return 0
+
+    def _config(self) -> CalibrationConfig:
+        from easyhecpp.session import CalibrationConfig
+
+        return CalibrationConfig(
+            segmenter=self.segmenter,
+            first_pose=self.first_pose,
+            edges=not self.no_edges,
+            text_weights=self.text_weights,
+            box_weights=self.box_weights,
+            device=self.device,
+        )
 
 
 def _summarise(result: ResultFile, notes: tuple[str, ...], out: Path) -> None:
