@@ -1,0 +1,169 @@
+"""Views that do not belong are found and named; what is left gives the right pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from easyhecpp.bench.metrics import PoseError, chi_square
+from easyhecpp.bench.trust_scenes import build_case
+from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.geometry import exp_se3, inverse
+from easyhecpp.render import SilhouetteRenderer
+from easyhecpp.session.verdict import judge
+from easyhecpp.solve.consistency import Findings, solve_consistent
+from easyhecpp.solve.joint_jacobians import joint_jacobians
+from easyhecpp.solve.nuisance import NuisanceConfig, refine_nuisances, strains
+from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.types import PoseEstimate
+from easyhecpp.solve.workspace import point_sigma_mm
+
+pytest.importorskip("yourdfpy")
+START = np.array([0.01, -0.01, 0.01, 0.008, -0.006, 0.005])
+
+
+@pytest.fixture(scope="module")
+def good():
+    return build_case("five good views", np.random.default_rng([42, 0]), 480)
+
+
+@pytest.fixture(scope="module")
+def good_answer(good) -> tuple[PoseEstimate, Findings]:
+    start = good.T_mount_cam @ exp_se3(START)
+    return solve_consistent(good.rig, good.camera, good.observations, start)
+
+
+def test_good_views_are_all_kept_and_the_verdict_is_ok(good, good_answer):
+    estimate, findings = good_answer
+    assert findings.inconsistent == ()
+    assert not findings.searched
+    assert judge(estimate, findings, good.rig, good.camera).verdict == "ok"
+    assert PoseError.between(estimate.T_mount_cam, good.T_mount_cam).position_mm < 10.0
+    assert chi_square(estimate.T_mount_cam, estimate.covariance, good.T_mount_cam) < 25.0
+
+
+def test_every_view_is_predicted_by_the_others(good_answer):
+    for view in good_answer[0].views:
+        assert view.prediction_px is not None
+        assert view.rms_px * 0.9 < view.prediction_px < view.rms_px + 1.0
+
+
+def test_a_wrong_row_is_named_and_left_out(good):
+    views = list(good.observations)
+    views[2] = replace(views[2], joints=good.observations[0].joints)
+    start = good.T_mount_cam @ exp_se3(START)
+    estimate, findings = solve_consistent(good.rig, good.camera, views, start)
+    assert findings.inconsistent == ("2",)
+    assert "View 2" in findings.views[2].sentence
+    assert estimate.views[2].weight == 0.0
+    assert estimate.views[2].flags == findings.views[2].flags != ()
+    assert PoseError.between(estimate.T_mount_cam, good.T_mount_cam).position_mm < 10.0
+
+
+def test_a_joint_that_moved_is_told_from_a_wrong_mask(good):
+    moved, masked = list(good.observations), list(good.observations)
+    moved[1] = replace(moved[1], joints=moved[1].joints + 0.06)
+    mask = masked[1].mask.copy()
+    mask[:40, :200] = True
+    masked[1] = replace(masked[1], mask=mask)
+    start = good.T_mount_cam @ exp_se3(START)
+    flags = [
+        solve_consistent(good.rig, good.camera, views, start)[1].views[1].flags
+        for views in (moved, masked)
+    ]
+    assert flags == [("moving",), ("mask",)]
+
+
+def test_the_two_still_views_are_found_among_lagging_ones():
+    case = build_case("lagging", np.random.default_rng([42, 1]), 320)
+    assert case.start_near is not None
+    start = case.T_mount_cam @ exp_se3(case.start_near)
+    estimate, findings = solve_consistent(case.rig, case.camera, case.observations, start)
+    assert findings.searched
+    assert judge(estimate, findings, case.rig, case.camera).verdict != "ok"
+    assert chi_square(estimate.T_mount_cam, estimate.covariance, case.T_mount_cam) < 25.0
+
+
+def test_one_view_alone_is_never_ok(good):
+    start = good.T_mount_cam @ exp_se3(START)
+    estimate, findings = solve_consistent(good.rig, good.camera, good.observations[:1], start)
+    verdict = judge(estimate, findings, good.rig, good.camera)
+    assert verdict.verdict != "ok"
+    assert any("single view" in reason for reason in verdict.reasons)
+
+
+def test_joint_jacobians_agree_with_finite_differences_of_the_projection(good):
+    joints = good.observations[0].joints
+    T_cam_mount = inverse(good.T_mount_cam)
+    renderer = SilhouetteRenderer(good.rig.robot.meshes, good.camera)
+    Ts = T_cam_mount @ good.rig.Ts_mount_link(joints)
+    contour, _ = renderer.contour(Ts, np.array([0.0, 0.0, 1.0]), spacing=20.0)
+    J = joint_jacobians(good.rig, good.camera, joints, T_cam_mount, contour)
+    step = 1e-4
+    for k in range(len(joints)):
+        there = joints.copy()
+        there[k] += step
+        moved = T_cam_mount @ good.rig.Ts_mount_link(there)
+        for i in range(0, len(contour), 7):
+            link = contour.links[i]
+            point = moved[link] @ inverse(Ts[link]) @ np.append(contour.points_cam[i], 1.0)
+            shift = good.camera.project(point[:3]) - contour.points[i]
+            assert J[i, k] * step == pytest.approx(
+                contour.normals[i] @ shift, abs=2e-3 * 480 * step
+            )
+
+
+def test_wrong_focal_length_strains_the_residuals(good, good_answer):
+    right = strains(
+        PoseProblem(good.rig, good.camera, good.observations),
+        inverse(good_answer[0].T_mount_cam),
+    )
+    assert abs(right[0].z) < 3.7
+    wrong = replace(good.camera, fx=1.05 * good.camera.fx, fy=1.05 * good.camera.fy)
+    estimate, findings = solve_consistent(
+        good.rig, wrong, good.observations, good.T_mount_cam @ exp_se3(START)
+    )
+    verdict = judge(estimate, findings, good.rig, wrong)
+    assert verdict.verdict != "ok"
+    assert any("intrinsics" in reason for reason in verdict.reasons)
+
+
+def test_focal_length_can_be_refined(good, good_answer):
+    wrong = replace(good.camera, fx=1.02 * good.camera.fx, fy=1.02 * good.camera.fy)
+    estimate, _ = solve_consistent(
+        good.rig, wrong, good.observations, good.T_mount_cam @ exp_se3(START)
+    )
+    refined = refine_nuisances(
+        good.rig, wrong, good.observations, estimate.T_mount_cam, NuisanceConfig(focal=True)
+    )
+    assert abs(refined.camera.fx / good.camera.fx - 1.0) < 0.012
+
+
+def test_refining_the_first_joint_is_refused_with_the_reason(good, good_answer):
+    first = good.rig.robot.joint_names[0]
+    with pytest.raises(CalibrationError, match=f"cannot tell {first}"):
+        refine_nuisances(
+            good.rig, good.camera, good.observations, good_answer[0].T_mount_cam,
+            NuisanceConfig(joint_zeros=(first,)),
+        )  # fmt: skip
+
+
+def test_refining_what_the_robot_lacks_is_refused(good):
+    with pytest.raises(InputError, match="no joint elbow"):
+        refine_nuisances(
+            good.rig, good.camera, good.observations, good.T_mount_cam,
+            NuisanceConfig(joint_zeros=("elbow",)),
+        )  # fmt: skip
+
+
+def test_point_sigma_agrees_with_sampling():
+    rng = np.random.default_rng(0)
+    root = rng.normal(0.0, 1e-3, (6, 6))
+    covariance = root @ root.T
+    point = np.array([0.1, -0.2, 1.1])
+    draws = rng.multivariate_normal(np.zeros(6), covariance, 20000)
+    moved = (exp_se3(draws) @ np.append(point, 1.0))[:, :3] - point
+    expected = 1e3 * np.sqrt(np.sum(np.var(moved, axis=0)))
+    assert point_sigma_mm(covariance, point) == pytest.approx(expected, rel=0.03)
