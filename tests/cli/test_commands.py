@@ -186,8 +186,16 @@ def test_errors_become_exit_codes(
     assert ran.code == code
     assert ran.out == ""
     assert ran.err.startswith("easyhecpp: ")
-    assert len(ran.err.splitlines()) == 1
-    assert not (tmp_path / "out").exists()
+    first, *rest = ran.err.splitlines()
+    assert str(error) in first
+    if code == 3:  # a report says why, and what to do next
+        report = tmp_path / "out" / "report.html"
+        assert str(error) in report.read_text()
+        assert len(rest) == 1
+        assert str(report) in rest[0]
+    else:
+        assert not rest
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_bug_is_not_hidden(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
