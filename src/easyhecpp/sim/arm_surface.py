@@ -50,6 +50,12 @@ class ArmSurface:
         areas = np.array([mesh.area for mesh in self.robot.meshes])
         return (areas / np.bincount(self.links) / areas.sum())[self.links]
 
+    @cached_property
+    def moves(self) -> NDArray[np.bool_]:
+        """(S,) whether a point is on a link that moves in the base frame."""
+        points = self.in_base(self.draw_poses(8, np.random.default_rng(0)))
+        return np.ptp(points, axis=0).max(axis=-1) > 1e-6
+
     def draw_poses(self, count: int, rng: np.random.Generator) -> F64:
         """(count, n) joint values within the limits; turning joints within one turn."""
         turns = np.array([kind != "prismatic" for kind in self.robot.joint_types])

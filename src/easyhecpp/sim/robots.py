@@ -7,6 +7,7 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
+from easyhecpp.capture.write import RobotSource
 from easyhecpp.errors import InputError, MissingExtraError
 from easyhecpp.robot import Robot
 
@@ -82,6 +83,20 @@ def named_robot(name: str) -> NamedRobot:
     )
 
 
+def robot_source(name: str) -> RobotSource:
+    """Where a named arm's URDF is, as a capture folder records it.
+
+    Raises:
+        InputError: unknown name.
+        MissingExtraError: the wheel with the URDFs is not installed.
+    """
+    entry = named_robot(name)
+    share = data_folder()
+    return RobotSource(
+        share / PACKAGE / "robots" / entry.urdf, (share,), entry.ignore_links, copy=False
+    )
+
+
 @lru_cache(maxsize=8)
 def load_robot(name: str) -> Robot:
     """Load an arm by name.
@@ -90,13 +105,12 @@ def load_robot(name: str) -> Robot:
         InputError: unknown name.
         MissingExtraError: the wheel with the URDFs is not installed.
     """
-    entry = named_robot(name)
-    share = data_folder()
+    source = robot_source(name)
     return Robot.from_urdf(
-        share / PACKAGE / "robots" / entry.urdf,
-        package_dirs=(share,),
-        base_link=entry.base_link,
-        ignore_links=entry.ignore_links,
+        source.path,
+        package_dirs=source.package_dirs,
+        base_link=named_robot(name).base_link,
+        ignore_links=source.ignore_links,
     )
 
 

@@ -1,0 +1,95 @@
+"""Joint poses that make sense in a cell: in view, not in the table, not through things."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from easyhecpp.camera import Camera
+from easyhecpp.errors import InputError
+from easyhecpp.geometry import inverse, transform_points
+from easyhecpp.rig import Rig
+from easyhecpp.sim.arm_surface import ArmSurface
+
+F64 = NDArray[np.float64]
+Box = tuple[F64, F64]
+
+_BATCH, _BATCHES = 200, 60
+_GAP = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSampler:
+    """Draws poses of the arm.
+
+    Attributes:
+        rig: the arm and where the camera is fixed.
+        camera: the intrinsics.
+        T_mount_cam: (4, 4).
+        floor_z: height of the surface that the base stands on; moving links stay above it.
+        obstacles: (low, high) corners of boxes in the base frame that the arm stays out of.
+        min_visible: least share of the surface inside the picture, of the links that move as
+            seen from the camera's mount.
+    """
+
+    rig: Rig
+    camera: Camera
+    T_mount_cam: F64
+    floor_z: float
+    obstacles: Sequence[Box]
+    min_visible: float
+
+    def draw(self, count: int, rng: np.random.Generator) -> F64:
+        """Poses (count, n) with joints drawn evenly within their limits.
+
+        Raises:
+            InputError: such poses are too rare, for instance because the camera looks elsewhere.
+        """
+        surface = ArmSurface.of(self.rig.robot)
+        good: list[F64] = []
+        for _ in range(_BATCHES):
+            poses = surface.draw_poses(_BATCH, rng)
+            poses = poses[self._seen_enough(surface, poses)]
+            poses = poses[self._is_free(surface, poses)]
+            for pose in poses:
+                if not surface.collides(pose):
+                    good.append(pose)
+                if len(good) == count:
+                    return np.array(good)
+        raise InputError(
+            f"Only {len(good)} of {_BATCH * _BATCHES} random poses of {self.rig.robot.name} are "
+            f"seen by the camera and free of collisions; {count} were wanted",
+            expected="a camera that looks at the arm",
+            fix="Draw another cell, or give the joint poses yourself.",
+        )
+
+    def _seen_enough(self, surface: ArmSurface, poses: F64) -> NDArray[np.bool_]:
+        T_base_mount = self.rig.robot.frame_pose(poses, self.rig.mount)
+        in_mount = transform_points(inverse(T_base_mount), surface.in_base(poses))
+        moves = np.ptp(in_mount, axis=0).max(axis=-1) > 1e-6
+        points = transform_points(inverse(self.T_mount_cam), in_mount[:, moves])
+        px = self.camera.project(points)
+        size = np.array([self.camera.width, self.camera.height])
+        with np.errstate(invalid="ignore"):  # behind the camera: not a number
+            inside = ((px > -0.5) & (px < size - 0.5)).all(axis=-1)
+        share = inside @ surface.weights[moves] / surface.weights[moves].sum()
+        clear = np.linalg.norm(points, axis=-1).min(axis=-1) > 0.1 * self.rig.robot.reach
+        return (share >= self.min_visible) & clear
+
+    def _is_free(self, surface: ArmSurface, poses: F64) -> NDArray[np.bool_]:
+        points = surface.in_base(poses)
+        points = points[:, surface.moves]
+        free = np.asarray((points[..., 2] > self.floor_z + _GAP).all(axis=-1))
+        for low, high in self.obstacles:
+            inside = ((points > low - _GAP) & (points < high + _GAP)).all(axis=-1)
+            free &= ~inside.any(axis=-1)
+        return free
+
+
+def gap_between(first: F64, second: F64) -> float:
+    """Least distance between two clouds of surface points (N, 3), (M, 3), metres."""
+    return float(KDTree(first).query(second)[0].min())
