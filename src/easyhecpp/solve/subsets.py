@@ -18,6 +18,9 @@ Flags = NDArray[np.bool_]
 _PAIRS = 14
 """How many of the most promising pairs are tried."""
 
+_FITTED_VIEWS = 12
+"""How many views are fitted alone; of more, these are taken evenly."""
+
 
 @dataclass(frozen=True)
 class ConsistentSet:
@@ -61,11 +64,12 @@ def largest_consistent_set(problem: PoseProblem, starts: Sequence[F64]) -> Consi
     Returns:
         The set, or None when no two views agree.
     """
-    singles = _fitted_alone(problem, starts)
-    tolerance = _tolerance(singles, pixel_unit(problem))
+    fitted = np.unique(np.linspace(0, len(problem) - 1, _FITTED_VIEWS).round().astype(int))
+    singles = _fitted_alone(problem, fitted, starts)
+    tolerance = _tolerance(len(problem), fitted, singles, pixel_unit(problem))
     best: ConsistentSet | None = None
-    for pair in _promising_pairs(problem, [s[0] for s in singles]):
-        T = _settled(problem, pair, singles[pair[0]][0])
+    for pair in _promising_pairs(problem, fitted, [s[0] for s in singles]):
+        T = _settled(problem, (int(fitted[pair[0]]), int(fitted[pair[1]])), singles[pair[0]][0])
         if T is None:
             continue
         found = _set_at(problem, T, tolerance)
@@ -83,10 +87,12 @@ def largest_consistent_set(problem: PoseProblem, starts: Sequence[F64]) -> Consi
     return best
 
 
-def _fitted_alone(problem: PoseProblem, starts: Sequence[F64]) -> list[tuple[F64, float, float]]:
+def _fitted_alone(
+    problem: PoseProblem, views: NDArray[np.intp], starts: Sequence[F64]
+) -> list[tuple[F64, float, float]]:
     """Per view its own best pose, and distance and mismatch there."""
     found = []
-    for view in range(len(problem)):
+    for view in views.tolist():
         options = [(start, np.inf, np.inf) for start in starts[:1]]
         for start in starts:
             T = _settled(problem, (view,), start)
@@ -97,21 +103,37 @@ def _fitted_alone(problem: PoseProblem, starts: Sequence[F64]) -> list[tuple[F64
     return found
 
 
-def _tolerance(singles: Sequence[tuple[F64, float, float]], unit: float) -> Tolerance:
-    distance = np.array([s[1] for s in singles])
-    mismatch = np.array([s[2] for s in singles])
+def _tolerance(
+    n: int,
+    fitted: NDArray[np.intp],
+    singles: Sequence[tuple[F64, float, float]],
+    unit: float,
+) -> Tolerance:
     # A view whose joints or mask are wrong is far from its own best pose too: that must not excuse
     # it. The second best view tells what good masks look like, as at least two must be good.
-    distance = np.minimum(distance, 1.6 * np.sort(distance)[:2][-1])
-    mismatch = np.minimum(mismatch, 1.8 * np.sort(mismatch)[:2][-1])
-    return Tolerance(1.3 * distance + 0.4 * unit, 1.3 * mismatch + 0.015)
+    def capped(values: list[float], factor: float) -> F64:
+        cap = factor * sorted(values)[:2][-1]
+        full = np.full(n, cap)
+        full[fitted] = np.minimum(values, cap)
+        return full
+
+    return Tolerance(
+        1.3 * capped([s[1] for s in singles], 1.6) + 0.4 * unit,
+        1.3 * capped([s[2] for s in singles], 1.8) + 0.015,
+    )
 
 
-def _promising_pairs(problem: PoseProblem, poses: Sequence[F64]) -> list[tuple[int, int]]:
-    """Pairs whose own poses come nearest to explaining each other; the better pose first."""
-    apart = np.stack([agreement(problem, T).distance_px for T in poses])
-    order = np.argsort((apart + apart.T)[np.triu_indices(len(poses), 1)], kind="stable")
+def _promising_pairs(
+    problem: PoseProblem, fitted: NDArray[np.intp], poses: Sequence[F64]
+) -> list[tuple[int, int]]:
+    """Pairs of fitted views whose own poses come nearest to explaining each other's masks.
+
+    Indices into ``fitted``; the view with the better pose first.
+    """
+    among = subproblem(problem, fitted.tolist())
+    apart = np.stack([agreement(among, T).distance_px for T in poses])
     rows, columns = np.triu_indices(len(poses), 1)
+    order = np.argsort((apart + apart.T)[rows, columns], kind="stable")
     pairs = []
     for k in order[:_PAIRS]:
         a, b = int(rows[k]), int(columns[k])
