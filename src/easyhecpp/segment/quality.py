@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.segment._edge_kernel import AGAINST_PLATE
+from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
 from easyhecpp.segment.edge_reading import EdgeReading
 
 F64 = NDArray[np.float64]
@@ -50,7 +50,7 @@ class ViewQuality:
     Attributes:
         view_id: The view.
         links: One entry per link with enough visible contour.
-        edge: Share of the whole contour with an image edge within 1.5 px.
+        edge: Share of the contour that moves with an image edge within 1.5 px.
         spread_px: Robust spread of the edges' displacements.
         weight: Trust in [0, 1] for the pose fit.
         notes: Sentences for the user.
@@ -83,21 +83,25 @@ def assess(
 
 
 def _share(reading: EdgeReading) -> float:
-    if len(reading.offset) < _FEWEST_SAMPLES:
+    """Share of the outline on an edge, nan where too little is seen.
+
+    What stands still is left out: it agrees with any picture, whatever the joints.
+    """
+    moving = reading.kind != COLOUR
+    if np.count_nonzero(moving) < _FEWEST_SAMPLES:
         return np.nan
-    return float(np.mean(reading.found & (np.abs(reading.offset) < _NEAR_PX)))
+    return float(np.mean((reading.found & (np.abs(reading.offset) < _NEAR_PX))[moving]))
 
 
 def _view(
     reading: EdgeReading, view_id: str, link_names: Sequence[str], usual: float
 ) -> ViewQuality:
-    n = len(reading.offset)
-    if n < _FEWEST_SAMPLES:
+    edge = _share(reading)
+    if np.isnan(edge):
         return ViewQuality(
-            view_id, (), 0.0, 0.0, 0.0, ("The arm's outline is not visible in this view.",)
+            view_id, (), 0.0, 0.0, 0.0, ("The outline of what moves is not visible in this view.",)
         )
     found = reading.offset[reading.found]
-    edge = _share(reading)
     middle = float(np.median(found)) if len(found) else np.nan
     spread = 1.4826 * float(np.median(np.abs(found - middle))) if len(found) else np.nan
     weight = float(np.clip(edge / max(_ENOUGH * usual, 1e-6), 0.0, 1.0)) if usual > 0 else 0.0

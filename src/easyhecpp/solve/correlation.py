@@ -79,7 +79,7 @@ def average_samples(evidence: Evidence, weights: F64) -> ContourPoints:
     total = np.bincount(group, w)
 
     def mean(values: F64) -> F64:
-        columns = values.reshape(len(w), -1).T
+        columns = values.T if values.ndim == 2 else values[None]
         return np.stack([np.bincount(group, w * c) for c in columns], axis=-1) / total[:, None]
 
     normals = mean(n)

@@ -14,13 +14,13 @@ from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.rig import Rig
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.classical.change import ChangeMaps, change_maps
-from easyhecpp.segment.classical.first_pose import FirstPoseConfig, first_pose
+from easyhecpp.segment.classical.first_pose import FINAL_TOLERANCE, FirstPoseConfig, first_pose
 from easyhecpp.segment.classical.masks import masks_at
 from easyhecpp.segment.classical.pictures import Pictures, load_pictures
 from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
 from easyhecpp.segment.classical.scene import Scene
-from easyhecpp.segment.classical.search import Scored
+from easyhecpp.segment.classical.search import PairScore, Scored, distinct
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edges import EdgeConfig, EdgeRefinement, refine_edges
 from easyhecpp.segment.protocols import ViewMask
@@ -31,6 +31,12 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 FEWEST_VIEWS = 3
+
+_REGION_WIDTH = 640
+"""Width of the pictures that the region stage looks at; the search takes half of it."""
+
+_RIVAL, _MOST_RIVALS = 0.4, 3
+"""Candidates that are looked at closer: with this share of the best one's score, and how many."""
 
 _COARSE = (Round(12, 6.0, 3), Round(8, 3.0, 4))
 _FINE = (Round(6, 2.0, 3, bracketed=True),)
@@ -122,8 +128,9 @@ class ClassicalSegmenter:
         self.images = list(images)
         self.ids = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(images)))
         self.scene = Scene(rig, camera, joints)
-        self.half: Pictures = load_pictures(images, camera, 2)
-        self.changes: ChangeMaps = change_maps(self.half.reduced(2))
+        reduction = max(1, round(camera.width / _REGION_WIDTH))
+        self.pictures: Pictures = load_pictures(images, camera, reduction)
+        self.changes: ChangeMaps = change_maps(self.pictures.reduced(2))
         self._backgrounds: Backgrounds | None = None
 
     def first_pose(self) -> list[Scored]:
@@ -138,16 +145,35 @@ class ClassicalSegmenter:
                 "classical way needs views with the arm in different postures."
             )
         found = first_pose(self.scene, self.changes, self.config.search)
-        if not found:
-            raise CalibrationError("No camera pose explains the motion in the images.")
+        if not found or found[0].score <= 0.0:
+            raise CalibrationError(
+                "No camera pose explains the motion in the images. Check that joints and images "
+                "belong together, and that the arm, not something else, moves in them."
+            )
         return found
 
     def approach(self, T_mount_cam: F64) -> F64:
-        """A first pose brought to a pixel or two, against the background plate at half size."""
+        """A first pose brought to a pixel or two, against the background plate."""
         for rounds, plate in ((_COARSE, PlateConfig(4, 16)), (_FINE, PlateConfig(2, 12))):
-            make = plate_maker(self.half, plate)
-            T_mount_cam = fit_regions(self.scene, T_mount_cam, 2, make, rounds)
+            make = plate_maker(self.pictures, plate)
+            T_mount_cam = fit_regions(
+                self.scene, T_mount_cam, self.pictures.reduction, make, rounds
+            )
         return T_mount_cam
+
+    def settle(self, candidates: Sequence[Scored]) -> list[Scored]:
+        """First poses that come near the best one, brought closer, scored again and told apart.
+
+        Two candidates that were half way to the same pose are no reason for doubt.
+        """
+        score = PairScore(self.scene, self.changes, FINAL_TOLERANCE)
+        least = _RIVAL * candidates[0].score
+        near = [c for c in candidates[:_MOST_RIVALS] if c is candidates[0] or c.score > least]
+        settled = [self.approach(c.T_mount_cam) for c in near]
+        rivals = [Scored(T, score(T)) for T in settled] + list(candidates[len(near) :])
+        return distinct(
+            rivals, len(rivals), metres=0.06 * self.scene.radius, radians=np.deg2rad(2.5)
+        )
 
     def backgrounds(self, T_mount_cam: F64) -> Backgrounds:
         """The full-size pictures and what is behind the arm at a pose."""
@@ -226,7 +252,8 @@ def calibrate_from_images(
     lap("changes")
     candidates = segmenter.first_pose()
     lap("first_pose")
-    T = segmenter.approach(candidates[0].T_mount_cam)
+    candidates = segmenter.settle(candidates)
+    T = candidates[0].T_mount_cam
     lap("region")
     masks = segmenter.masks_at(T)
     estimate = segmenter.solve(T, masks)

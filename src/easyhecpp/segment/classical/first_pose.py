@@ -25,6 +25,9 @@ from easyhecpp.segment.classical.search import (
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+FINAL_TOLERANCE = 0.3
+"""What a pixel without change counts against a refined pose, see :class:`.search.PairScore`."""
+
 _FAR = (Round(14, 8.0, 5), Round(8, 4.0, 5), Round(5, 2.0, 4))
 _NEAR = (Round(8, 4.0, 4), Round(5, 2.0, 4))
 
@@ -37,8 +40,8 @@ class FirstPoseConfig:
         grid: Seeds.
         max_pairs: Pairs of views that every seed is laid over.
         rescored: Seeds that are scored again on all pairs.
-        refined: Of these, the ones that are refined at an eighth of the size.
-        finalists: Of these, the ones that are refined at a quarter.
+        refined: Of these, the ones that are refined at half the size of the change maps.
+        finalists: Of these, the ones that are refined at their full size.
     """
 
     grid: SeedGrid = field(default_factory=SeedGrid)
@@ -53,7 +56,7 @@ def first_pose(scene: Scene, changes: ChangeMaps, config: FirstPoseConfig) -> li
 
     Args:
         scene: The arm.
-        changes: Change between pairs of views, at a quarter of the full size.
+        changes: Change between pairs of views, some 320 pixels wide.
         config: Settings.
     """
     half = changes.reduced(2)
@@ -64,12 +67,17 @@ def first_pose(scene: Scene, changes: ChangeMaps, config: FirstPoseConfig) -> li
     tolerant = PairScore(scene, half, SEARCH_TOLERANCE)
     found = distinct(_score(found, tolerant), config.refined, **near)
     make = vote_maker(half)
-    moved = [fit_regions(scene, s.T_mount_cam, 8, make, _FAR, coarse=True) for s in found]
+    moved = [
+        fit_regions(scene, s.T_mount_cam, half.reduction, make, _FAR, coarse=True) for s in found
+    ]
     near = {"metres": 0.05 * scene.radius, "radians": np.deg2rad(2.0)}
     found = distinct(_score([Scored(T, 0.0) for T in moved], tolerant), config.finalists, **near)
     make = vote_maker(changes)
-    moved = [fit_regions(scene, s.T_mount_cam, 4, make, _NEAR, coarse=True) for s in found]
-    strict = PairScore(scene, changes, SEARCH_TOLERANCE)
+    moved = [
+        fit_regions(scene, s.T_mount_cam, changes.reduction, make, _NEAR, coarse=True)
+        for s in found
+    ]
+    strict = PairScore(scene, changes, FINAL_TOLERANCE)
     return distinct(_score([Scored(T, 0.0) for T in moved], strict), len(moved), **near)
 
 

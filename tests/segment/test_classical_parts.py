@@ -1,0 +1,182 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes_small import photographed
+
+from easyhecpp.geometry import inverse, perturb_about, pose_error, transform_points
+from easyhecpp.segment.classical.change import change_maps
+from easyhecpp.segment.classical.lines import line_posteriors, votes
+from easyhecpp.segment.classical.pictures import Pictures, exposure, load_pictures
+from easyhecpp.segment.classical.plate import PlateConfig, plate_distance, plate_maker
+from easyhecpp.segment.classical.region import Round, fit_regions
+from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.classical.search import (
+    PairScore,
+    Scored,
+    SeedGrid,
+    distinct,
+    informative_pairs,
+    search,
+)
+
+
+def test_exposure_is_recovered_though_half_of_the_pictures_change():
+    rng = np.random.default_rng(0)
+    still = rng.uniform(20, 80, (90, 160, 3)).astype(np.float32)
+    pictures = np.stack([still] * 5)
+    for view, (gain, offset) in enumerate(
+        [(1.0, 0.0), (1.1, 3.0), (0.9, -2.0), (1.0, 1.0), (1, 0)]
+    ):
+        pictures[view, ..., 0] = gain * still[..., 0] + offset
+        pictures[view, :, 30 * view : 30 * view + 40] = 5.0
+    gain, offset = exposure(pictures)
+    equal = pictures * gain[:, None, None] + offset[:, None, None]
+    common = [i for i in range(160) if not any(30 * v <= i < 30 * v + 40 for v in range(5))]
+    spread = np.ptp(equal[..., common, 0], axis=0) if common else np.zeros(1)
+    assert np.median(np.abs(equal[1, ..., 75, 0] - equal[4, ..., 75, 0])) < 0.3
+    assert spread.size == 0 or np.median(spread) < 0.3
+
+
+def test_the_edge_of_a_change_lies_at_half_height_however_strong_it_is():
+    for height in (15.0, 60.0):
+        lab = np.full((2, 60, 80, 3), 40.0, np.float32)
+        lab[1, :, 40:, 0] += height
+        maps = change_maps(Pictures(lab, 0.6, 4)).maps[0]
+        assert (maps[30, 42:70] > 0).all()
+        assert (maps[30, 10:38] < 0).all()
+        crossing = np.flatnonzero(np.diff(np.sign(maps[30])))
+        assert len(crossing) == 1
+        assert abs(crossing[0] + 0.5 - 39.5) <= 1.0
+
+
+@pytest.mark.parametrize("shift", [-3, 0, 2, 4])
+def test_a_line_finds_where_the_evidence_turns(shift):
+    evidence = np.full((40, 60), -0.8, np.float32)
+    evidence[:, : 30 + shift] = 0.8
+    coverage = np.zeros((40, 60), np.float32)
+    coverage[:, :30] = 1.0
+    points, normals = np.array([[29.5, 20.0]]), np.array([[1.0, 0.0]])
+    mean, weight = np.empty(1), np.empty(1)
+    line_posteriors(evidence, coverage, points, normals, 8, 3.0, 4.8, True, mean, weight)
+    assert weight[0] > 1.0
+    assert mean[0] == pytest.approx(shift, abs=0.3)
+
+
+def test_a_line_is_silent_where_the_background_is_unknown_or_nothing_differs():
+    coverage = np.zeros((40, 60), np.float32)
+    coverage[:, :30] = 1.0
+    points, normals = np.array([[29.5, 20.0]]), np.array([[1.0, 0.0]])
+    mean, weight = np.empty(1), np.empty(1)
+    unknown = np.full((40, 60), np.nan, np.float32)
+    line_posteriors(unknown, coverage, points, normals, 8, 3.0, 4.8, False, mean, weight)
+    assert weight[0] == 0.0
+    same = np.full((40, 60), -0.9, np.float32)
+    line_posteriors(same, coverage, points, normals, 8, 3.0, 4.8, True, mean, weight)
+    assert weight[0] == 0.0
+
+
+def test_votes_count_only_views_without_the_arm():
+    maps = np.zeros((3, 4, 4), np.float32)
+    maps[0], maps[1], maps[2] = 1.0, -0.5, 0.25
+    index = np.array([[-1, 0, 1], [0, -1, 2], [1, 2, -1]], np.int32)
+    covers = np.zeros((3, 4, 4), np.float32)
+    covers[2, :, 2:] = 1.0
+    covers[1, 3] = 1.0
+    out = np.empty((4, 4), np.float32)
+    votes(maps, index, covers, 0, 0.05, out)
+    assert out[0, 0] == pytest.approx(0.25)
+    assert out[0, 3] == pytest.approx(1.0)
+    assert out[3, 0] == pytest.approx(-0.5)
+    assert np.isnan(out[3, 3])
+
+
+def test_the_plate_has_several_states_and_may_hold_a_wrong_view():
+    lab = np.zeros((6, 3, 3, 3), np.float32)
+    lab[3:, ..., 0] = 50.0
+    covers = np.zeros((6, 3, 3), np.float32)
+    band = np.ones((3, 3), np.uint8)
+    out = np.empty((3, 3), np.float32)
+    for view in range(6):
+        plate_distance(lab, covers, view, band, 0.02, out)
+        assert (out == 0.0).all()
+    # A single other view that looks the same may be an arm that was not predicted there.
+    lab[:] = 0.0
+    lab[0, ..., 0] = lab[5, ..., 0] = 30.0
+    plate_distance(lab, covers, 0, band, 0.02, out)
+    assert (out == 30.0).all()
+
+
+def test_pairs_use_every_view_and_prefer_change():
+    rng = np.random.default_rng(1)
+    i, j = np.triu_indices(6, k=1)
+    pairs = np.column_stack([i, j]).astype(np.int32)
+    maps = rng.uniform(-1, 1, (len(pairs), 5, 5)).astype(np.float32)
+    maps[0] = -1.0
+    chosen = informative_pairs(maps, pairs, 8)
+    assert len(set(chosen)) == 8
+    assert 0 not in chosen
+    assert set(pairs[chosen].ravel()) == set(range(6))
+
+
+def test_distinct_keeps_the_best_of_each_group():
+    T = np.eye(4)
+    near, far = T.copy(), T.copy()
+    near[0, 3], far[0, 3] = 0.01, 1.0
+    found = [Scored(T, 0.5), Scored(near, 0.9), Scored(far, 0.1)]
+    kept = distinct(found, 5, metres=0.1, radians=0.1)
+    assert [k.score for k in kept] == [0.9, 0.1]
+
+
+def test_seeds_look_at_the_arm_from_all_sides_and_from_below():
+    scene = _scene()
+    seeds = SeedGrid().poses(scene)
+    ahead = seeds[:, :3, 2]
+    towards = scene.centre_mount - seeds[:, :3, 3]
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    np.testing.assert_allclose(np.sum(ahead * towards, axis=1), 1.0, atol=1e-9)
+    assert seeds[:, 2, 3].min() < scene.centre_mount[2] - 0.2
+
+
+def test_a_seed_is_turned_to_where_the_change_is():
+    case, scene = photographed(2), _scene()
+    changes = change_maps(load_pictures(case.images, case.camera, 4))
+    T_cam_mount = inverse(case.T_mount_cam)
+    turn = perturb_about(T_cam_mount, np.zeros(3), np.array([0, 0, 0, 0.06, -0.05, 0.0]))
+    best = search(scene, changes, inverse(turn)[None], max_pairs=8, keep=1)[0]
+    assert pose_error(best.T_mount_cam, case.T_mount_cam)[1] < np.deg2rad(1.5)
+    score = PairScore(scene, changes, 0.3)
+    assert score(best.T_mount_cam) > score(inverse(turn))
+    assert score(case.T_mount_cam) > 0.5
+
+
+def test_the_region_stage_brings_a_pose_home():
+    case, scene = photographed(2), _scene()
+    half = load_pictures(case.images, case.camera, 2)
+    T_cam_mount = inverse(case.T_mount_cam)
+    delta = np.array([0.008, -0.006, 0.01, 0.012, -0.01, 0.012])
+    start = inverse(perturb_about(T_cam_mount, scene.centre_cam(T_cam_mount), delta))
+    found = fit_regions(
+        scene,
+        start,
+        2,
+        plate_maker(half, PlateConfig(4, 16)),
+        (Round(12, 6.0, 4), Round(6, 2.0, 4)),
+    )
+    assert _contour_error(scene, case, start) > 3.0
+    assert _contour_error(scene, case, found) < 2.0
+
+
+def _contour_error(scene, case, T_mount_cam) -> float:
+    """Root mean square displacement of the contours, pixels."""
+    T_cam_true = inverse(T_mount_cam) @ case.T_mount_cam
+    squares = []
+    for contour, _ in scene.contours(inverse(case.T_mount_cam), 1):
+        moved = case.camera.project(transform_points(T_cam_true, contour.points_cam))
+        squares.append(np.sum(np.square(moved - contour.points), axis=1))
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _scene() -> Scene:
+    case = photographed(2)
+    return Scene(case.rig, case.camera, case.joints)

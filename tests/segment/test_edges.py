@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from composites import encode
+from scenes_small import photographed
+
+from easyhecpp.geometry import inverse, perturb_about, pose_error
+from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
+from easyhecpp.segment.backgrounds import Backgrounds
+from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.edge_fit import between_views, joint_twists
+from easyhecpp.segment.edge_reading import EdgeReader
+from easyhecpp.segment.edges import refine_edges
+from easyhecpp.solve import Observation, SolveConfig, solve_pose
+
+
+def _edge_picture(at: float, inside: float, outside: float, width: int = 60) -> np.ndarray:
+    """Bright arm left of ``at`` (in pixels, between centres), mixed in linear light."""
+    fine = np.zeros((20, width * 16, 3))
+    x = (np.arange(width * 16) + 0.5) / 16 - 0.5
+    fine[:] = np.where(x < at, inside, outside)[None, :, None]
+    light = cv2.GaussianBlur(fine, (0, 0), 0.6 * 16).reshape(20, width, 16, 3).mean(axis=2)
+    return (255.0 * encode(light)).astype(np.float32)
+
+
+def _taps() -> np.ndarray:
+    k = np.arange(-5, 6)
+    taps = k * np.exp(-0.5 * np.square(k / 2.0))
+    return taps / (np.sum(taps * k) * 0.5)
+
+
+def _find(picture, plate, at, reach=6.0, noise=1.0):
+    covered = np.zeros(picture.shape[:2], np.uint8)
+    covered[:, : int(at) + 1] = 1
+    points, normals = np.array([[at, 10.0]]), np.array([[1.0, 0.0]])
+    offset, contrast, kind = np.zeros(1), np.zeros(1), np.zeros(1, np.int8)
+    find_edges(
+        picture, plate, covered, points, normals, reach, _taps(), noise, offset, contrast, kind
+    )
+    return float(offset[0]), int(kind[0])
+
+
+@pytest.mark.parametrize("at", [28.0, 29.3, 30.5, 31.8])
+@pytest.mark.parametrize(("inside", "outside"), [(0.7, 0.1), (0.05, 0.5)])
+def test_an_edge_is_found_to_a_twentieth_of_a_pixel(at, inside, outside):
+    picture = _edge_picture(at, inside, outside)
+    plate = np.full_like(picture, 255.0 * encode(np.array(outside)))
+    offset, kind = _find(picture, plate, 30.0)
+    assert kind == AGAINST_PLATE
+    assert offset == pytest.approx(at - 30.0, abs=0.05)
+    offset, kind = _find(picture, np.full_like(picture, np.nan), 30.0)
+    assert kind == COLOUR
+    assert offset == pytest.approx(at - 30.0, abs=0.05)
+
+
+def test_texture_of_arm_and_background_is_no_edge_when_the_background_is_known():
+    picture = _edge_picture(29.5, 0.6, 0.2)
+    plate = np.full_like(picture, 255.0 * encode(np.array(0.2)))
+    for image in (picture, plate):
+        image[:, 33:] *= 0.5  # a stripe of the wall, in the picture and in the plate
+    picture[:, :27] *= 0.6  # a stripe of the arm
+    offset, kind = _find(picture, plate, 30.0)
+    assert kind == AGAINST_PLATE
+    assert offset == pytest.approx(-0.5, abs=0.1)
+
+
+def test_an_unknown_thing_outside_silences_the_line():
+    picture = _edge_picture(29.5, 0.6, 0.2)
+    plate = np.full_like(picture, 255.0 * encode(np.array(0.2)))
+    picture[:, 34:] += 60.0
+    assert _find(picture, plate, 30.0)[1] == NONE
+
+
+def test_the_edge_stage_finds_the_truth_from_a_few_pixels_away():
+    case = photographed(0, exposures=(1.0, 0.9, 1.06))
+    start = _start(case, np.array([0.004, -0.003, 0.006, 0.006, -0.005, 0.006]))
+    scene = Scene(case.rig, case.camera, case.joints)
+    refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
+    assert refined.accepted, refined.reason
+    before = pose_error(start.T_mount_cam, case.T_mount_cam)
+    after = pose_error(refined.estimate.T_mount_cam, case.T_mount_cam)
+    assert after[0] < 0.5 * before[0]
+    assert after[0] < 0.0015
+    assert after[1] < np.deg2rad(0.06)
+    assert refined.support.share > 0.8
+    assert abs(refined.estimate.dilation_px) < 0.15
+
+
+def test_a_pose_that_is_right_stays_right():
+    case = photographed(3)
+    start = _start(case, np.zeros(6))
+    scene = Scene(case.rig, case.camera, case.joints)
+    refined = refine_edges(Backgrounds(scene, case.images, case.T_mount_cam), start)
+    assert pose_error(refined.estimate.T_mount_cam, case.T_mount_cam)[0] < 0.0015
+
+
+def test_pictures_without_the_arm_do_not_move_the_pose():
+    case = photographed(0)
+    start = _start(case, np.zeros(6))
+    scene = Scene(case.rig, case.camera, case.joints)
+    rng = np.random.default_rng(0)
+    empty = [rng.integers(90, 110, case.images[0].shape).astype(np.uint8) for _ in case.images]
+    refined = refine_edges(Backgrounds(scene, empty, start.T_mount_cam), start)
+    assert not refined.accepted
+    assert refined.estimate is start
+    assert refined.support.share < 0.2
+
+
+def test_support_tells_a_right_pose_from_a_wrong_one():
+    case = photographed(0)
+    scene = Scene(case.rig, case.camera, case.joints)
+    T_cam = inverse(case.T_mount_cam)
+    wrong = inverse(
+        perturb_about(T_cam, scene.centre_cam(T_cam), np.array([0.05, 0.03, 0, 0, 0, 0.2]))
+    )
+    right = EdgeReader(Backgrounds(scene, case.images, case.T_mount_cam)).support(case.T_mount_cam)
+    other = EdgeReader(Backgrounds(scene, case.images, wrong)).support(wrong)
+    assert right.share > 0.75
+    assert other.share < 0.36
+
+
+def test_joint_twists_are_the_derivative_of_the_links():
+    case = photographed(0)
+    scene = Scene(case.rig, case.camera, case.joints)
+    T = inverse(case.T_mount_cam)
+    twists = joint_twists(scene, T)
+    step = 1e-3
+    q = case.joints[1].copy()
+    q[2] += step
+    for link in range(len(case.rig.robot.link_names)):
+        moved = T @ case.rig.Ts_mount_link(q)[link]
+        expected = perturb_about(
+            T @ scene.Ts_mount_link[1, link], scene.centre_cam(T), step * twists[1, 2, link]
+        )
+        np.testing.assert_allclose(moved, expected, atol=1e-5)
+
+
+def test_views_that_contradict_each_other_widen_the_error_bar():
+    rng = np.random.default_rng(0)
+    information = np.stack([np.eye(7) * 100.0] * 8)
+    N = information.sum(axis=0)
+    agreeing = rng.normal(size=(8, 7)) * 10.0
+    solution = np.linalg.solve(N, agreeing.sum(axis=0))
+    usual = between_views(N, information, agreeing, solution)
+    assert (np.diag(usual) > 0.99 / 800.0).all()
+    assert (np.diag(usual) < 2.5 / 800.0).all()
+    fighting = agreeing * 10.0
+    solution = np.linalg.solve(N, fighting.sum(axis=0))
+    assert np.trace(between_views(N, information, fighting, solution)) > 10.0 * np.trace(usual)
+
+
+def _start(case, delta):
+    """An estimate from masks that are off by ``delta`` about the arm's middle."""
+    scene = Scene(case.rig, case.camera, case.joints)
+    T_cam = inverse(case.T_mount_cam)
+    T = inverse(perturb_about(T_cam, scene.centre_cam(T_cam), delta))
+    covers = scene.coverages(inverse(T), 1)
+    seen = [
+        Observation(q, cover > 0.5, id=str(i))
+        for i, (q, cover) in enumerate(zip(case.joints, covers, strict=True))
+    ]
+    return solve_pose(case.rig, case.camera, seen, T, SolveConfig(start_error_px=4.0))
