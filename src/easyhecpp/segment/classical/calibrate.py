@@ -35,6 +35,9 @@ FEWEST_VIEWS = 3
 _REGION_WIDTH = 640
 """Width of the pictures that the region stage looks at; the search takes half of it."""
 
+_SELF_CONFIRMING = 4.0
+"""On the covariance of a pose from masks that were made with a prediction of that pose."""
+
 _RIVAL, _MOST_RIVALS = 0.4, 3
 """Candidates that are looked at closer: with this share of the best one's score, and how many."""
 
@@ -194,7 +197,10 @@ class ClassicalSegmenter:
             for q, m in zip(self.scene.joints, masks, strict=True)
             if m.mask is not None
         ]
-        return solve_pose(self.rig, self.camera, seen, T_mount_cam, SolveConfig(start_error_px=6.0))
+        estimate = solve_pose(
+            self.rig, self.camera, seen, T_mount_cam, SolveConfig(start_error_px=6.0)
+        )
+        return replace(estimate, covariance=_SELF_CONFIRMING * estimate.covariance)
 
     def refine(self, estimate: PoseEstimate) -> tuple[EdgeRefinement, tuple[ViewQuality, ...]]:
         """The edge stage; views that contradict the others lose weight and it is run again."""
