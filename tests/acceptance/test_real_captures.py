@@ -13,13 +13,21 @@ import pytest
 
 from easyhecpp.capture import Capture
 from easyhecpp.formats.result_file import ResultFile
-from easyhecpp.geometry import pose_error
+from easyhecpp.geometry import inverse, pose_error
 from easyhecpp.session import CalibrationConfig, calibrate
+from easyhecpp.solve import Observation
+from easyhecpp.solve.descend import Level, descend
+from easyhecpp.solve.problem import PoseProblem
 
 pytestmark = pytest.mark.acceptance
 
-LEAST_IOU = {"xarm7_realsense": 0.93, "lbr_med7_realsense": 0.915}
-"""Mean overlap with the given masks, all views; the masks themselves are no better."""
+CAPTURES = ("xarm7_realsense", "lbr_med7_realsense")
+
+MOST_IOU_GIVEN_UP = 0.006
+"""Mean overlap with the given masks that the pose may give up against the pose of best overlap.
+
+The given masks are cut 0.1 to 0.9 px too small and err in stretches; a pose that allows for it, and
+that is then fitted to the image's own edges, overlaps with them a little less than the best can."""
 
 MOST_MEMORY = 1.5e9
 SUBSETS, SUBSET_SIZE = 20, 5
@@ -41,7 +49,7 @@ class Ran:
         return ResultFile.read(self.out / "result.json")
 
 
-@pytest.fixture(scope="module", params=LEAST_IOU)
+@pytest.fixture(scope="module", params=CAPTURES)
 def ran(request: pytest.FixtureRequest, shared: Path, tmp_path_factory: pytest.TempPathFactory):
     folder = shared / "captures" / request.param
     out = tmp_path_factory.mktemp(request.param)
@@ -62,11 +70,25 @@ def test_the_whole_command(ran: Ran) -> None:
     result = ran.result
     assert result.verdict in ("ok", "doubtful"), result.reasons
     assert result.T_mount_cam is not None
-    assert np.mean([view.iou for view in result.views]) >= LEAST_IOU[ran.folder.name]
     views = Capture.load(ran.folder).views
     assert len(result.views) == sum(view.has_mask for view in views)
     overlays = {path.stem for path in (ran.out / "overlays").iterdir()}
     assert overlays == {view.id for view in views if view.has_image}
+
+
+def test_overlap_with_the_given_masks(ran: Ran) -> None:
+    """Measured at the final pose, and against the best that any pose near it reaches."""
+    pose = ran.result.T_mount_cam
+    assert pose is not None
+    capture = Capture.load(ran.folder)
+    seen = [Observation(v.joints, v.mask, id=v.id) for v in capture.views if v.mask is not None]
+    problem = PoseProblem(capture.rig, capture.camera, seen)
+    here = inverse(pose.array)
+    best = descend(problem, here, Level(1, smoothing_px=1.2), 30).mean_iou
+    views = problem.gather(here, 1, smoothing_px=0.0, spacing=4.0)
+    overlap = float(np.mean([view.iou for view in views]))
+    assert overlap >= best - MOST_IOU_GIVEN_UP, f"{overlap:.4f} of at best {best:.4f}"
+    assert best > 0.9
 
 
 def test_peak_memory(ran: Ran) -> None:

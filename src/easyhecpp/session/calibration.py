@@ -166,6 +166,7 @@ def _result(
                 weight=v.weight,
                 rms_px=v.rms_px,
                 iou=min(1.0, v.iou) if np.isfinite(v.iou) else None,
+                prediction_px=v.prediction_px,
                 flags=tuple(dict.fromkeys((*v.flags, *flags.get(v.id, ())))),
             )
             for v in estimate.views

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tyro.conf import Positional
 
 from easyhecpp.cli.output import complain, progress, say
+from easyhecpp.errors import InputError
+
+if TYPE_CHECKING:
+    from easyhecpp.bench.table import Table
 
 
 @dataclass(frozen=True)
@@ -49,13 +53,58 @@ class BenchSolve:
         return 0
 
 
-def _publish(table: object, out: Path | None, command_line: str) -> None:
+@dataclass(frozen=True)
+class BenchTrust:
+    """Error bars against true errors, wrong views found, and verdicts on scenes built to fail."""
+
+    scenes: int = 10
+    """Scenes per family."""
+
+    seed: int = 1000
+    """Decides all scenes."""
+
+    workers: int = 1
+    """Processes side by side."""
+
+    width: int = 640
+    """Width of the pictures, pixels; 16 : 9."""
+
+    families: tuple[str, ...] = ()
+    """Only families whose name begins with one of these words; all when left out."""
+
+    out: Path | None = None
+    """Markdown file to write; a .json of the table is written beside it."""
+
+    def run(self, command_line: str) -> int:
+        """Run and print the table."""
+        from easyhecpp.bench.trust import run_trust_bench, trust_table
+        from easyhecpp.bench.trust_scenes import FAMILIES
+
+        chosen = tuple(n for n in FAMILIES if not self.families or n.startswith(self.families))
+        if not chosen:
+            raise InputError(
+                f"No family's name begins with {', '.join(self.families)}",
+                expected=f"beginnings of {'; '.join(FAMILIES)}",
+            )
+        total = self.scenes * len(chosen)
+        with progress(quiet=False) as tell:
+            rows = run_trust_bench(
+                chosen,
+                n_scenes=self.scenes,
+                seed=self.seed,
+                workers=self.workers,
+                width=self.width,
+                progress=lambda done: tell(f"{done} of {total} scenes"),
+            )
+        _publish(trust_table(rows, f"xarm7, seed {self.seed}"), self.out, command_line)
+        return 0
+
+
+def _publish(table: Table, out: Path | None, command_line: str) -> None:
     from rich.console import Console
 
     from easyhecpp._atomic import write_text
-    from easyhecpp.bench.table import Table
 
-    assert isinstance(table, Table)
     Console(width=None).print(table.to_rich())
     if out is not None:
         write_text(out, f"{table.to_markdown()}\nCommand: `{command_line}`\n")
@@ -106,8 +155,9 @@ class BenchPrompts:
         return 0
 
 
-Table = (
+Choice = (
     Annotated[BenchSolve, tyro.conf.subcommand("solve")]
+    | Annotated[BenchTrust, tyro.conf.subcommand("trust")]
     | Annotated[BenchPrompts, tyro.conf.subcommand("prompts")]
 )
 
@@ -116,7 +166,7 @@ Table = (
 class Bench:
     """Reproduce a table of the results page."""
 
-    table: Table
+    table: Choice
 
     def run(self, command_line: str) -> int:
         """Run the table's own command."""
