@@ -7,10 +7,8 @@ from scenes_small import photographed
 from easyhecpp.geometry import inverse, perturb_about, pose_error, transform_points
 from easyhecpp.segment.classical.change import change_maps
 from easyhecpp.segment.classical.lines import line_posteriors, votes
-from easyhecpp.segment.classical.pictures import Pictures, exposure, load_pictures
 from easyhecpp.segment.classical.plate import PlateConfig, plate_distance, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.classical.search import (
     PairScore,
     Scored,
@@ -19,6 +17,8 @@ from easyhecpp.segment.classical.search import (
     informative_pairs,
     search,
 )
+from easyhecpp.segment.pictures import Pictures, exposure, load_pictures
+from easyhecpp.segment.scene import Scene
 
 
 def test_exposure_is_recovered_though_half_of_the_pictures_change():

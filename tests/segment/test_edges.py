@@ -9,10 +9,10 @@ from scenes_small import photographed
 from easyhecpp.geometry import inverse, perturb_about, pose_error
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
 from easyhecpp.segment.backgrounds import Backgrounds
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.edge_fit import between_views, joint_twists
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edges import refine_edges
+from easyhecpp.segment.scene import Scene
 from easyhecpp.solve import Observation, SolveConfig, solve_pose
 
 

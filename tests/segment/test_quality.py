@@ -4,9 +4,9 @@ import numpy as np
 from scenes_small import photographed
 
 from easyhecpp.segment.backgrounds import Backgrounds
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.quality import assess
+from easyhecpp.segment.scene import Scene
 
 
 def _assess(joints):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse
 from easyhecpp.segment._edge_kernel import background_plate
-from easyhecpp.segment.classical.pictures import exposure, measured_noise
-from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.pictures import exposure, measured_noise
+from easyhecpp.segment.scene import Scene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -56,11 +56,11 @@ class Backgrounds:
         wide = np.ones((2 * _REACH_PX + 1,) * 2, np.uint8)
         covered = np.stack(
             parallel_map(lambda c: cv2.dilate((c > 0.01).astype(np.uint8), grow), list(covers))
-        )
+        ).astype(np.uint8)
 
         def one(view: int) -> F32:
             inside = (covers[view] > 0.5).astype(np.uint8)
-            band = cv2.dilate(inside, wide) - cv2.erode(inside, wide)
+            band = (cv2.dilate(inside, wide) - cv2.erode(inside, wide)).astype(np.uint8)
             plate = np.full((*band.shape, 3), np.nan, np.float32)
             background_plate(self.values, covered, view, band, self.noise, plate)
             return plate

@@ -20,8 +20,8 @@ from easyhecpp.geometry import (
 )
 from easyhecpp.render import Contour
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
+from easyhecpp.segment.scene import Scene
 from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
 from easyhecpp.solve.evidence import Evidence
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
@@ -380,4 +380,4 @@ def between_views(N: F64, information: F64, vectors: F64, solution: F64) -> F64:
     # Whitened: the sum of the pulls' squares is the identity where the noise model is right.
     spread = pulls.T @ pulls * (n / (n - 1.0))
     values, axes = np.linalg.eigh((n * spread + 6.0 * np.eye(7)) / (n + 6.0))
-    return root @ (axes * np.maximum(values, 1.0)) @ axes.T @ root.T
+    return (root @ (axes * np.maximum(values, 1.0)) @ axes.T @ root.T).astype(np.float64)

@@ -95,9 +95,10 @@ class EdgeReader:
                 float(reach_px), self.taps, self.backgrounds.noise,
                 offset, contrast, kind,
             )  # fmt: skip
-            if self.ignore is not None and self.ignore[view] is not None and n:
+            ignored = None if self.ignore is None else self.ignore[view]
+            if ignored is not None and n:
                 x, y = np.round(contour.points).astype(np.int64).T
-                kind[self.ignore[view][y, x]] = NONE
+                kind[ignored[y, x]] = NONE
             return EdgeReading(contour, offset, kind, contrast)
 
         return parallel_map(one, range(len(self.scene)))

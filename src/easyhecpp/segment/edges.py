@@ -53,7 +53,7 @@ class EdgeRefinement:
         support: How well the images bear out the pose in ``estimate``.
     """
 
-    estimate: PoseEstimate | None
+    estimate: PoseEstimate
     accepted: bool
     reason: str
     cost_before: float

@@ -16,15 +16,15 @@ from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.classical.change import ChangeMaps, change_maps
 from easyhecpp.segment.classical.first_pose import FINAL_TOLERANCE, FirstPoseConfig, first_pose
 from easyhecpp.segment.classical.masks import masks_at
-from easyhecpp.segment.classical.pictures import Pictures, load_pictures
 from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.classical.search import PairScore, Scored, distinct
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edges import EdgeConfig, EdgeRefinement, refine_edges
+from easyhecpp.segment.pictures import Pictures, load_pictures
 from easyhecpp.segment.protocols import ViewMask
 from easyhecpp.segment.quality import ViewQuality, assess
+from easyhecpp.segment.scene import Scene
 from easyhecpp.solve import Observation, PoseEstimate, SolveConfig, solve_pose
 
 F64 = NDArray[np.float64]

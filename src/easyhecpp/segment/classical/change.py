@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
-from easyhecpp.segment.classical.pictures import Pictures
+from easyhecpp.segment.pictures import Pictures
 
 F32 = NDArray[np.float32]
 

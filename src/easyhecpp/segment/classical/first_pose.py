@@ -12,7 +12,6 @@ from easyhecpp._parallel import parallel_map
 from easyhecpp.segment.classical.change import ChangeMaps
 from easyhecpp.segment.classical.lines import votes
 from easyhecpp.segment.classical.region import EvidenceMaker, Round, fit_regions
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.classical.search import (
     SEARCH_TOLERANCE,
     PairScore,
@@ -21,6 +20,7 @@ from easyhecpp.segment.classical.search import (
     distinct,
     search,
 )
+from easyhecpp.segment.scene import Scene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -91,7 +91,7 @@ def vote_maker(changes: ChangeMaps) -> EvidenceMaker:
     kernel = np.ones((5, 5), np.uint8)
 
     def make(covers: F32) -> list[F32]:
-        grown = np.stack([cv2.dilate(cover, kernel) for cover in covers])
+        grown = np.stack([cv2.dilate(cover, kernel) for cover in covers]).astype(np.float32)
 
         def one(view: int) -> F32:
             out = np.empty(covers.shape[1:], np.float32)

@@ -12,7 +12,7 @@ from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.classical.change import NOISE_FACTOR
-from easyhecpp.segment.classical.plate import contour_band, contrast
+from easyhecpp.segment.classical.plate import contour_band, contrast, ellipse
 from easyhecpp.segment.protocols import ViewMask
 from easyhecpp.solve.evidence import signed_distance
 
@@ -24,7 +24,7 @@ _PULL = 3.0
 """Log-odds of clear evidence; against the rendered mask's half per pixel of distance."""
 
 _PRIOR_PER_PX = 0.5
-_NEIGHBOURHOOD = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (11, 11))
+_NEIGHBOURHOOD = ellipse(11)
 
 
 def masks_at(backgrounds: Backgrounds, T_mount_cam: F64, ids: Sequence[str]) -> list[ViewMask]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from easyhecpp._parallel import parallel_map
 from easyhecpp.render._jit import jit
 from easyhecpp.segment.classical.change import NOISE_FACTOR
-from easyhecpp.segment.classical.pictures import Pictures
 from easyhecpp.segment.classical.region import EvidenceMaker
+from easyhecpp.segment.pictures import Pictures
 
 F32 = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
@@ -83,7 +83,7 @@ def plate_maker(pictures: Pictures, config: PlateConfig) -> EvidenceMaker:
     lab = np.stack(parallel_map(lambda i: cv2.GaussianBlur(i, (0, 0), 0.8), pictures.lab))
     floor = NOISE_FACTOR * pictures.noise * np.sqrt(2.0)
     grow = _square(config.margin)
-    near = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (config.neighbourhood,) * 2)
+    near = ellipse(config.neighbourhood)
 
     def make(covers: F32) -> list[F32]:
         grown = np.stack(parallel_map(lambda cover: cv2.dilate(cover, grow), covers))
@@ -112,6 +112,11 @@ def contour_band(cover: F32, width: int) -> NDArray[np.uint8]:
     inside = (cover > 0.5).astype(np.uint8)
     kernel = _square(width)
     return cv2.dilate(inside, kernel) - cv2.erode(inside, kernel)  # type: ignore[return-value]
+
+
+def ellipse(width: int) -> NDArray[np.uint8]:
+    """A disc to dilate with."""
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width)).astype(np.uint8)
 
 
 def _square(reach: int) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse, perturb_about
 from easyhecpp.render import Contour
 from easyhecpp.segment.classical.lines import line_posteriors
-from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.scene import Scene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy import fft
 
 from easyhecpp._parallel import parallel_map, usable_cores
 from easyhecpp.camera import Camera
@@ -17,7 +17,7 @@ from easyhecpp.initialise.seeds import sphere_seeds
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.render._jit import jit
 from easyhecpp.segment.classical.change import ChangeMaps
-from easyhecpp.segment.classical.scene import Scene
+from easyhecpp.segment.scene import Scene
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -125,11 +125,11 @@ class _Overlay:
         maps = _weighed(np.maximum(small[chosen], np.float32(-SEARCH_TOLERANCE)))
         self.scale = 1.0 / max(float(np.maximum(maps, 0.0).sum()), 1.0)
         self.camera = scene.camera.scaled(size[0] / scene.camera.width)
-        canvas_w, canvas_h = next_fast_len(2 * size[0], True), next_fast_len(2 * size[1], True)
+        canvas_w, canvas_h = _fast_length(2 * size[0]), _fast_length(2 * size[1])
         left, top = (canvas_w - size[0]) // 2, (canvas_h - size[1]) // 2
         padded = np.zeros((len(maps), canvas_h, canvas_w), np.float32)
         padded[:, top : top + size[1], left : left + size[0]] = maps
-        self.spectra = np.conj(rfft2(padded))
+        self.spectra = np.conj(_rfft2(padded))
         self.shape = (canvas_h, canvas_w)
         self.reach = (size[1] // 2, size[0] // 2)
         self.scene = scene
@@ -145,9 +145,9 @@ class _Overlay:
             self.renderer.coverage(T_cam_mount @ self.scene.Ts_mount_link[view], cover)
         differs = np.empty((len(self.pairs), *self.shape), np.float32)
         _differences(covers, self.pairs, differs)
-        spectrum = rfft2(differs)
+        spectrum = _rfft2(differs)
         spectrum *= self.spectra
-        scores = irfft2(spectrum.sum(axis=0), s=self.shape)
+        scores: F32 = np.asarray(fft.irfft2(spectrum.sum(axis=0), s=self.shape))  # type: ignore[arg-type]
         # Correlation: the value at shift s is the score of the rendering moved by -s.
         ry, rx = self.reach
         near = np.roll(scores, (ry, rx), axis=(0, 1))[: 2 * ry + 1, : 2 * rx + 1]
@@ -168,6 +168,15 @@ class _Overlay:
             return T_cam_mount
         R = exp_so3(axis / sine * np.arctan2(sine, float(before @ after)))
         return make_transform(R, np.zeros(3)) @ T_cam_mount
+
+
+def _fast_length(least: int) -> int:
+    return int(fft.next_fast_len(least, real=True))  # type: ignore[arg-type]
+
+
+def _rfft2(images: F32) -> NDArray[np.complex64]:
+    """Spectra of ``(P, H, W)`` images, in single precision."""
+    return np.asarray(fft.rfft2(images))  # type: ignore[return-value]
 
 
 def _moved(camera: Camera, width: int, height: int, left: int, top: int) -> Camera:
