@@ -7,9 +7,9 @@ from dataclasses import replace
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
 from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
-from easyhecpp.segment.classical.scene import Scene
 from easyhecpp.segment.edges import refine_edges
 from easyhecpp.segment.protocols import CaptureMasks, PoseBelief
+from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import SolveConfig
