@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulated_capture import simulated_capture
 from small_arm import scene, write_urdf
 
 from easyhecpp.capture.write import RobotSource, write_capture
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.geometry import pose_error
-from easyhecpp.session.demo import simulated_capture
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -46,6 +46,11 @@ def mount_frame(setup: Setup) -> Literal["base", "ee"]:
     return "base" if setup == "eye-to-hand" else "ee"
 
 
+def rides_on_arm(setup: Setup) -> bool:
+    """Whether the camera moves with the arm."""
+    return mount_frame(setup) == "ee"
+
+
 def mount_link(setup: Setup, base_link: str, ee_link: str | None) -> str | None:
     """The link that the camera is fixed to, None when that is the `ee_link` and there is none."""
     return base_link if mount_frame(setup) == "base" else ee_link

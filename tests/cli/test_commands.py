@@ -12,19 +12,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scenes_small import photographed
+from simulated_capture import simulated_capture
 from small_arm import scene, small_arm, write_urdf
 
 import easyhecpp.session
 from easyhecpp import __version__
-from easyhecpp.capture import Capture
+from easyhecpp.capture import Capture, View
 from easyhecpp.capture.write import RobotSource, write_capture
 from easyhecpp.cli import main
 from easyhecpp.errors import CalibrationError, MissingExtraError
 from easyhecpp.formats.exporters import TARGETS
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.geometry import pose_error
-from easyhecpp.session import Calibration, calibrate
-from easyhecpp.session.demo import simulated_capture
+from easyhecpp.session import Calibration, calibrate, demo
 
 COMMANDS = (
     "calibrate", "check-capture", "info", "overlay", "segment", "export", "compare", "bench",
@@ -335,7 +336,11 @@ def test_compare(calibrated: tuple[Ran, Path], tmp_path: Path) -> None:
 
 
 def test_demo_shows_the_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(easyhecpp.session.demo, "demo_scene", lambda rng: scene(3))
+    case = photographed(3, n_views=6)
+    pairs = zip(case.joints, case.images, strict=True)
+    views = [View(f"{i}", q, image=p) for i, (q, p) in enumerate(pairs)]
+    capture = Capture("demo", None, "eye-to-hand", case.rig.robot, case.camera, tuple(views))
+    monkeypatch.setattr(demo, "photographed_capture", lambda rng, tell: (capture, case))
     ran = run("demo", "--out", tmp_path / "demo", "--seed", 3)
     assert ran.code == 0
     for part in ("true camera position", "found camera position", "error: ", "mm"):

@@ -91,7 +91,9 @@ def _case(
     coverages: NDArray[np.float32] | None = None,
 ) -> TrustCase:
     truths = scene.coverages if coverages is None else coverages
-    masks = truths > 0.5 if degradation is None else degrade_masks(truths, rng, degradation).masks
+    masks = (
+        truths > 0.5 if degradation is None else degrade_masks(list(truths), rng, degradation).masks
+    )
     return TrustCase(
         Rig(scene.robot),
         scene.camera,

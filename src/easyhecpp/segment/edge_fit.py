@@ -374,7 +374,7 @@ def between_views(N: F64, information: F64, vectors: F64, solution: F64) -> F64:
     used = np.einsum("vii->v", information) > 0
     n = int(np.count_nonzero(used))
     if n < 3:
-        return inverse_N
+        return np.asarray(inverse_N, np.float64)
     root = np.linalg.cholesky(0.5 * (inverse_N + inverse_N.T))
     pulls = (vectors - information @ solution)[used] @ root
     # Whitened: the sum of the pulls' squares is the identity where the noise model is right.

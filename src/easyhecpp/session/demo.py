@@ -1,42 +1,35 @@
-"""A simulated capture with known truth, for the demonstration and for tests."""
+"""The demonstration: pictures like photographs, and a camera whose pose is known."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from easyhecpp.capture import Capture, View
-from easyhecpp.sim.masks import Degradation, degrade_masks
-from easyhecpp.sim.scenes import SimScene, random_scene
+from easyhecpp.session.stages import Progress
+from easyhecpp.sim import Cell, CellOptions
 
-F64 = NDArray[np.float64]
-
-MASK_IOU = 0.982
-"""Quality of the demonstration's masks: what the paper reports of AutoSAM."""
+VIEWS = 6
 
 
-def simulated_capture(
-    scene: SimScene, rng: np.random.Generator, *, name: str = "simulated"
-) -> Capture:
-    """A capture of a simulated scene: degraded masks, and pictures in flat grey.
+def photographed_capture(rng: np.random.Generator, tell: Progress) -> tuple[Capture, Cell]:
+    """A capture of an xArm 7 in a random cell: pictures and joints, no masks.
 
     Args:
-        scene: Arm, camera, joints and exact masks.
-        rng: Draws the errors of the masks.
-        name: The capture's name.
+        rng: Draws the cell, the camera and the arm's poses.
+        tell: Told about every picture.
+
+    Returns:
+        The capture, and the cell that knows the true pose of the camera.
+
+    Raises:
+        MissingExtraError: The extra ``sim`` is not installed.
     """
-    masks = degrade_masks(list(scene.coverages), rng, Degradation(MASK_IOU)).masks
-    shade = np.linspace(60.0, 110.0, scene.camera.height)[:, None]
+    tell("building a random cell with an xArm 7")
+    cell = Cell.random("xarm7", rng, options=CellOptions(width=960, height=540))
     views = []
-    for i, (joints, mask) in enumerate(zip(scene.joints, masks, strict=True)):
-        grey = shade + (190.0 - shade) * scene.coverage(i)
-        image = np.repeat(grey.astype(np.uint8)[..., None], 3, axis=2)
-        views.append(View(f"{i:04d}", joints, image=image, mask=mask))
-    return Capture(name, None, "eye-to-hand", scene.robot, scene.camera, tuple(views))
-
-
-def demo_scene(rng: np.random.Generator) -> SimScene:
-    """An xArm 7 in five random poses before a random camera."""
-    from easyhecpp.sim.robots import load_robot
-
-    return random_scene(load_robot("xarm7"), rng)
+    for i, joints in enumerate(cell.random_joints(VIEWS, rng)):
+        tell(f"photographing view {i + 1} of {VIEWS}")
+        picture = cell.capture(joints, first_index=i)[0]
+        views.append(View(f"{i:04d}", joints, image=picture.image))
+    capture = Capture("demo", None, "eye-to-hand", cell.robot, cell.camera, tuple(views))
+    return capture, cell

@@ -85,8 +85,6 @@ def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outco
             weights=[0.0 if view.id in out else 1.0 for view in views],
             ignore=[ignore.get(view.id) for view in views],
         )
-    if refined.estimate is None:
-        return outcome
     return replace(
         outcome, estimate=refined.estimate, notes=(*outcome.notes, f"edges: {refined.reason}")
     )

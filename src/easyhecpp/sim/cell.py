@@ -16,7 +16,7 @@ from easyhecpp.camera import Camera
 from easyhecpp.capture import View
 from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse
-from easyhecpp.rig import Rig
+from easyhecpp.rig import Rig, rides_on_arm
 from easyhecpp.robot import LinkMesh, Robot
 from easyhecpp.sim.arm_surface import ArmSurface
 from easyhecpp.sim.distractor import Distractor, alike, random_distractor
@@ -133,7 +133,7 @@ class Cell:
         rig = Rig(model, options.setup, ee_link)
         stand_z = _stand_z(model, on_floor)
         camera = random_camera(rng, options.width, options.height, options.distortion)
-        if rig.setup == "eye-in-hand":
+        if rides_on_arm(rig.setup):
             T_mount_cam = wrist_camera(rng, model, rig.mount)
             azimuth, away = front_azimuth(model), 0.0
         else:
@@ -255,18 +255,19 @@ class Cell:
     def _photograph(self, q: F64, quality: Quality, index: int) -> SimView:
         light = self.light(q, quality, index=index)
         rng = np.random.default_rng([self.seed, index, 1])
-        image = self.sensor.develop(light, self._gain, rng)
+        image = self.sensor.develop(light, self._gain(light), rng)
         return SimView(index, q, image, self.T_base_cam(q), self)
 
-    @property
-    def _gain(self) -> float:
-        """Metered once, on the arm at rest, so that views do not differ by what was metered."""
+    def _gain(self, light: NDArray[np.float32]) -> float:
+        """Exposure: of each picture on the wrist, of the arm at rest for a camera that stands."""
+        if rides_on_arm(self.rig.setup):
+            return metered_gain(light, np.zeros(light.shape[:2], bool))
         key = f"{self.T_mount_cam.tobytes().hex()} {self.camera}"
         if key not in self._stage.gains:
             small = self.with_camera(camera=self.camera.scaled(_METER_WIDTH / self.camera.width))
             rest = self.robot.neutral
-            light = small.light(rest, replace(PREVIEW, samples=8))
-            self._stage.gains[key] = metered_gain(light, small.truth(rest).mask)
+            seen = small.light(rest, replace(PREVIEW, samples=8))
+            self._stage.gains[key] = metered_gain(seen, small.truth(rest).mask)
         return self._stage.gains[key]
 
     @property

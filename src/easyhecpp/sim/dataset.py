@@ -19,6 +19,7 @@ from easyhecpp._parallel import usable_cores
 from easyhecpp.capture import Capture
 from easyhecpp.capture.write import write_capture
 from easyhecpp.errors import InputError
+from easyhecpp.rig import rides_on_arm
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import CellOptions, options_for
 from easyhecpp.sim.robots import robot_source
@@ -172,7 +173,7 @@ def _truth(cell: Cell, plan: DatasetPlan, index: int) -> dict[str, Any]:
             "sensor": asdict(cell.sensor),
         },
     }
-    if cell.rig.setup == "eye-to-hand":
+    if not rides_on_arm(cell.rig.setup):
         truth["T_base_cam"] = T.tolist()
     return truth
 

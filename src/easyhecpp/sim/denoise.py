@@ -64,7 +64,7 @@ def _weighted_sum(
     return total
 
 
-def denoised(first: F32, second: F32, *, strength: float = 0.25) -> F32:
+def denoised(first: F32, second: F32, *, strength: float = 0.4) -> F32:
     """Average two pictures of the same scene that were sampled independently.
 
     Args:

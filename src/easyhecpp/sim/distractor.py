@@ -89,8 +89,8 @@ def random_distractor(
         camera_azimuth: direction from the base towards the camera, radians.
         moves: whether it takes another pose in every view.
     """
-    azimuth = camera_azimuth + np.pi + rng.uniform(-1.0, 1.0)
-    distance = rng.uniform(0.55, 0.8) * (robot.reach + other.reach)
+    azimuth = camera_azimuth + np.pi + rng.uniform(-0.8, 0.8)
+    distance = rng.uniform(0.5, 0.75) * (robot.reach + other.reach)
     lowest = float(ArmSurface.of(other).in_base(other.neutral)[:, 2].min())
     x, y = distance * np.cos(azimuth), distance * np.sin(azimuth)
     stand = max(stand_z, floor_z + 0.3)

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from easyhecpp.robot import Robot
 from easyhecpp.robot.link_mesh import LinkMesh
@@ -18,6 +20,9 @@ from easyhecpp.sim.materials import Material, metal, plastic, random_colour, sha
 from easyhecpp.sim.shapes import Surface
 
 Part = tuple[Surface, Material]
+
+# Metres above a flat end that still belong to it: screw heads do not, rounding does.
+_ABOVE = 1e-4
 
 WHITE, LIGHT_GREY, DARK = (0.86, 0.86, 0.85), (0.62, 0.63, 0.64), (0.07, 0.07, 0.08)
 
@@ -79,15 +84,14 @@ def dress_link(mesh: LinkMesh, look: ArmLook) -> tuple[Part, ...]:
     patch, piece = label_faces(mesh), label_faces(mesh, np.pi)
     finish = _finish_of_pieces(mesh, piece)
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
-    for normal, offset, middle, radius in _joint_ends(mesh, patch, finish == 0):
-        base = offset - look.band_height
-        vertices, faces, origin = cut(vertices, faces, normal, base)
-        patch, finish = patch[origin], finish[origin]
-        centre = vertices[faces].mean(axis=1)
-        along = centre @ normal
-        aside = centre - middle - np.outer((centre - middle) @ normal, normal)
-        near = np.linalg.norm(aside, axis=1) < 1.15 * radius
-        finish[(finish == 0) & (along > base) & (along < offset + 1e-4) & near] = 1
+    for end in _joint_ends(mesh, patch, finish == 0):
+        for plane in (end.offset - look.band_height, end.offset + _ABOVE):
+            vertices, faces, origin = cut(vertices, faces, end.normal, plane)
+            patch, finish = patch[origin], finish[origin]
+        band = (finish == 0) & _band(vertices, faces, patch, end, look.band_height)
+        areas = face_areas(vertices, faces)
+        if areas[band].sum() < 0.45 * areas.sum():
+            finish[band] = 1
     surface = smoothed(vertices, faces, patch)
     parts = []
     for value, material in enumerate((look.shell, look.band, look.detail)):
@@ -111,10 +115,34 @@ def _finish_of_pieces(mesh: LinkMesh, piece: np.ndarray) -> np.ndarray:
     return np.where(share > 0.6, 0, np.where(share > 0.06, 1, 2))[piece]
 
 
-def _joint_ends(
-    mesh: LinkMesh, patch: np.ndarray, shell: np.ndarray
-) -> list[tuple[np.ndarray, float, np.ndarray, float]]:
-    """Flat round ends of the shell: (outward normal, plane offset, middle, radius) of each."""
+@dataclass(frozen=True, eq=False)
+class _JointEnd:
+    """A flat round end: patch number, outward normal, and the plane ``normal . x = offset``."""
+
+    patch: int
+    normal: np.ndarray
+    offset: float
+
+
+def _band(
+    vertices: np.ndarray, faces: np.ndarray, patch: np.ndarray, end: _JointEnd, height: float
+) -> np.ndarray:
+    """(F,) the end itself and the faces below it that hang together with it, down to a height."""
+    along = vertices[faces].mean(axis=1) @ end.normal
+    inside = np.flatnonzero((along > end.offset - height) & (along < end.offset + _ABOVE))
+    corners = faces[inside].ravel()
+    rows = np.repeat(np.arange(len(inside)), 3)
+    shape = (len(inside), len(vertices))
+    touches = coo_matrix((np.ones(len(corners), np.int32), (rows, corners)), shape=shape).tocsr()
+    piece = connected_components(touches @ touches.T, directed=False)[1]
+    chosen = np.isin(piece, piece[patch[inside] == end.patch])
+    band = np.zeros(len(faces), bool)
+    band[inside[chosen]] = True
+    return band
+
+
+def _joint_ends(mesh: LinkMesh, patch: np.ndarray, shell: np.ndarray) -> list[_JointEnd]:
+    """Flat round ends of the shell."""
     areas = face_areas(mesh.vertices, mesh.faces)
     normals = mesh.face_planes[:, :3]
     total = np.bincount(patch, weights=areas)
@@ -129,5 +157,5 @@ def _joint_ends(
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         radius = float(np.linalg.norm(points - middle, axis=1).max())
         if total[index] < 1.2 * np.pi * radius**2:
-            ends.append((normal, float((points @ normal).mean()), middle, radius))
+            ends.append(_JointEnd(int(index), normal, float((points @ normal).mean())))
     return ends

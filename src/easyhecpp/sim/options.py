@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from easyhecpp.errors import InputError
-from easyhecpp.rig import Setup
+from easyhecpp.rig import Setup, rides_on_arm
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class CellOptions:
         elevation_deg: lowest and highest camera.
         distance: nearest and farthest camera, metres, for an arm that reaches 1.07 m.
         min_visible: least share of what moves, seen from the camera's mount, in view in random
-            poses; by default 0.7 for a camera beside the arm and 0.25 for one on it.
+            poses; by default 0.7 for a camera beside the arm and 0.15 for one on it.
         clutter: fewest and most things on the table.
         furniture: most pieces of furniture.
         pictures: most pictures on the wall.
@@ -60,7 +60,7 @@ class CellOptions:
         """``min_visible``, or its default for the set-up."""
         if self.min_visible is not None:
             return self.min_visible
-        return 0.7 if self.setup == "eye-to-hand" else 0.25
+        return 0.15 if rides_on_arm(self.setup) else 0.7
 
 
 DIFFICULTIES = {

@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.camera import Camera
-from easyhecpp.geometry import exp_so3, inverse, look_at, make_transform, transform_points
+from easyhecpp.geometry import (
+    exp_so3,
+    inverse,
+    log_so3,
+    look_at,
+    make_transform,
+    transform_points,
+)
 from easyhecpp.robot import Robot
 from easyhecpp.sim.arm_surface import ArmSurface
 from easyhecpp.sim.room import REFERENCE_REACH
@@ -96,19 +103,23 @@ def wrist_camera(rng: np.random.Generator, robot: Robot, ee_link: str) -> F64:
 
 
 def _last_link(robot: Robot, ee_link: str) -> tuple[F64, F64]:
-    """Surface points (N, 3) of the ee link in its frame, and the unit axis (3,) it points along.
+    """Surface points (N, 3) beyond the last joint, and that joint's unit axis (3,), ee frame.
 
-    The axis is the one of the ee frame that leads away from the rest of the arm.
+    The axis points away from the rest of the arm: the way a tool would look.
     """
+    step = 0.3
+    q = robot.neutral
+    T_ee_base = inverse(robot.frame_pose(q, ee_link))
+    turned = q + step * np.eye(robot.n_joints)
+    turns = log_so3(T_ee_base[:3, :3] @ robot.frame_pose(turned, ee_link)[:, :3, :3])
     surface = ArmSurface.of(robot)
-    T_ee_base = inverse(robot.frame_pose(robot.neutral, ee_link))
-    points = transform_points(T_ee_base, surface.in_base(robot.neutral))
-    own = points
-    if ee_link in robot.link_names:
-        own = points[surface.links == robot.link_names.index(ee_link)]
-    nearest = np.linalg.norm(points - own.mean(axis=0), axis=1) < 0.35 * robot.reach
-    away = own.mean(axis=0) - points[nearest].mean(axis=0)
-    axis = np.zeros(3)
-    k = int(np.argmax(np.abs(away)))
-    axis[k] = np.sign(away[k]) or 1.0
-    return own, axis
+    moved = np.abs(surface.in_base(turned) - surface.in_base(q)).max(axis=-1) > 1e-9
+    turning = np.linalg.norm(turns, axis=1) > 0.5 * step
+    # Of the joints that turn the ee link, the last one moves the least of the arm.
+    last = int(np.argmin(np.where(turning, moved.sum(axis=1), np.inf)))
+    axis = turns[last] / np.linalg.norm(turns[last])
+    points = transform_points(T_ee_base, surface.in_base(q))
+    own, rest = points[moved[last]], points[~moved[last]]
+    middle = own.mean(axis=0)
+    nearest = rest[np.argsort(np.linalg.norm(rest - middle, axis=1))[:40]]
+    return own, axis * (np.sign(axis @ (middle - nearest.mean(axis=0))) or 1.0)

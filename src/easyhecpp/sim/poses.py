@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,8 @@ from scipy.spatial import KDTree
 from easyhecpp.camera import Camera
 from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, transform_points
-from easyhecpp.rig import Rig
+from easyhecpp.render import SilhouetteRenderer
+from easyhecpp.rig import Rig, rides_on_arm
 from easyhecpp.sim.arm_surface import ArmSurface
 
 F64 = NDArray[np.float64]
@@ -20,6 +22,7 @@ Box = tuple[F64, F64]
 
 _BATCH, _BATCHES = 200, 60
 _GAP = 0.01
+_MOST = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,7 @@ class PoseSampler:
             poses = poses[self._seen_enough(surface, poses)]
             poses = poses[self._is_free(surface, poses)]
             for pose in poses:
-                if not surface.collides(pose):
+                if not surface.collides(pose) and not self._is_blocked(pose):
                     good.append(pose)
                 if len(good) == count:
                     return np.array(good)
@@ -77,8 +80,20 @@ class PoseSampler:
         with np.errstate(invalid="ignore"):  # behind the camera: not a number
             inside = ((px > -0.5) & (px < size - 0.5)).all(axis=-1)
         share = inside @ surface.weights[moves] / surface.weights[moves].sum()
-        clear = np.linalg.norm(points, axis=-1).min(axis=-1) > 0.1 * self.rig.robot.reach
+        # A camera on the wrist is always next to the link before the last.
+        least = 0.015 if rides_on_arm(self.rig.setup) else 0.1 * self.rig.robot.reach
+        clear = np.linalg.norm(points, axis=-1).min(axis=-1) > least
         return (share >= self.min_visible) & clear
+
+    def _is_blocked(self, pose: F64) -> bool:
+        """Whether the arm fills most of the picture, as when the camera is inside of it."""
+        Ts_cam_link = self.rig.Ts_cam_link(self.T_mount_cam, pose)
+        return bool((self._small.visible_links(Ts_cam_link) >= 0).mean() > _MOST)
+
+    @cached_property
+    def _small(self) -> SilhouetteRenderer:
+        small = self.camera.scaled(64 / self.camera.width)
+        return SilhouetteRenderer(self.rig.robot.meshes, small)
 
     def _is_free(self, surface: ArmSurface, poses: F64) -> NDArray[np.bool_]:
         points = surface.in_base(poses)

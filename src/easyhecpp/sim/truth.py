@@ -78,7 +78,9 @@ class TruthRenderer:
         arm_depth = self._arm.depth(Ts_cam_link)
         other_depth = self._others.depth(Ts_cam_other)
         hidden = other_depth < arm_depth
-        concealed = hidden & (coverage > 0)
+        # On the arm's edge the centre may miss it: compare with the farthest point next to it.
+        around = cv2.dilate(np.where(links >= 0, arm_depth, np.float32(0.0)), np.ones((3, 3)))
+        concealed = (coverage > 0) & (other_depth < around)
         if concealed.any():
             coverage = self._clipped(coverage, concealed, Ts_cam_link, Ts_cam_other)
         depth = np.minimum(arm_depth, other_depth)

@@ -145,7 +145,7 @@ def _is_an_average(problem: PoseProblem, seen: Agreement) -> bool:
         return False
     typical_px = float(np.median(seen.distance_px))
     typical_mismatch = float(np.median(seen.mismatch))
-    return (
+    return bool(
         typical_px > _TYPICAL_PX * pixel_unit(problem)
         or typical_mismatch > _TYPICAL_MISMATCH
         or np.mean(_gross(problem, seen, np.ones(len(problem), bool))) > 1.0 / 3.0

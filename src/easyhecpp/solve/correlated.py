@@ -30,6 +30,10 @@ and a bias of 0.2 px, so that these families need fresh scenes to be measured on
 _SMOOTHING_PX = 1.2
 
 
+_SETTLED_PX = 0.003
+"""A step that moves the contours by less ends the iteration."""
+
+
 @dataclass(frozen=True)
 class Solution:
     """The last stage's answer.
@@ -72,30 +76,32 @@ def generalised_least_squares(
     """
     T = T_cam_mount
     noise: NoiseModel | None = None
-    for _ in range(3):
+    for last in (False, False, True):
         centre = problem.centre_cam(T)
         seen = problem.gather(T, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
         scale = consistent_scale(seen, problem.weights)
         weights = [inlier_weights(e.distances, scale) for e in seen]
         points = parallel_map(lambda ew: average_samples(*ew), zip(seen, weights, strict=True))
-        if (
-            sum(len(p) for p, w in zip(points, problem.weights, strict=True) if w > 0.0)
-            < MIN_SAMPLES
-        ):
-            raise CalibrationError(
-                "No view shows enough of the arm's outline to fit a pose to. Check that the "
-                "first pose, the joints and the masks belong together."
-            )
+        _require_contour(points, problem.weights)
         if noise is None:
             noise = fit_noise(points, problem.weights, _SMOOTHING_PX)
         information, vectors = _information(points, noise, problem.weights)
         N = information.sum(axis=0)
         N[6, 6] += 1.0 / dilation_prior_px**2
         solution = np.linalg.solve(N, vectors.sum(axis=0))
-        T_next = perturb_about(T, centre, solution[:6])
-        if step_px(seen, solution[:6]) < 0.003:
-            break
-        T = T_next
+        settled = step_px(seen, solution[:6]) < _SETTLED_PX
+        if not settled:
+            T = perturb_about(T, centre, solution[:6])
+        if settled or last:
+            n_views = sum(
+                len(p) > 0 and w > 0.0 for p, w in zip(points, problem.weights, strict=True)
+            )
+            inflation = COVARIANCE_INFLATION * (1.0 + _INFLATION_BY_FEW_VIEWS / n_views)
+            covariance = inflation * np.linalg.inv(N)[:6, :6]
+            return Solution(
+                T, centre, covariance, information, vectors, float(solution[6]), noise, seen,
+                weights,
+            )  # fmt: skip
         # The variances belong to the residuals at the pose that they are used for.
         root = np.linalg.cholesky(np.linalg.inv(N))
         noise = fit_noise(
@@ -104,12 +110,16 @@ def generalised_least_squares(
             _SMOOTHING_PX,
             [noise.design(p) @ root for p in points],
         )
-    n_views = sum(len(p) > 0 and w > 0.0 for p, w in zip(points, problem.weights, strict=True))
-    inflation = COVARIANCE_INFLATION * (1.0 + _INFLATION_BY_FEW_VIEWS / n_views)
-    covariance = inflation * np.linalg.inv(N)[:6, :6]
-    return Solution(
-        T, centre, covariance, information, vectors, float(solution[6]), noise, seen, weights
-    )
+    raise AssertionError("the last round returns")
+
+
+def _require_contour(points: Sequence[ContourPoints], view_weights: F64) -> None:
+    left = sum(len(p) for p, w in zip(points, view_weights, strict=True) if w > 0.0)
+    if left < MIN_SAMPLES:
+        raise CalibrationError(
+            "No view shows enough of the arm's outline to fit a pose to. Check that the first "
+            "pose, the joints and the masks belong together."
+        )
 
 
 def _shifted(points: ContourPoints, noise: NoiseModel, solution: F64) -> ContourPoints:

@@ -90,7 +90,7 @@ def average_samples(evidence: Evidence, weights: F64) -> ContourPoints:
         jacobians=mean(evidence.jacobians[keep]),
         residuals=mean(evidence.residuals[keep])[:, 0],
         weights=total / np.bincount(group),
-        length_px=np.bincount(group) * evidence.length,
+        length_px=np.asarray(np.bincount(group) * evidence.length, np.float64),
     )
 
 

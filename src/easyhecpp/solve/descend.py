@@ -102,7 +102,8 @@ def descend(
         H, g, n = _normal_equations(problem, seen, level)
         if n < MIN_SAMPLES:
             break
-        step: F64 = np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(6), g)
+        damped = H + damping * np.diag(np.diag(H)) + 1e-9 * np.eye(6)
+        step = np.asarray(np.linalg.solve(damped, g), np.float64)
         settled = step_px(seen, step) < _SETTLED_PX * level.reduction
         T_next = perturb_about(T, problem.centre_cam(T), step)
         seen_next, loss_next = look(T_next)

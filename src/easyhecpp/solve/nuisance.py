@@ -147,7 +147,7 @@ def refine_nuisances(
         N, b = _joint_normal_equations(problem, T)
         if step == 0:
             _refuse_unknowable(N, b, chosen, prior, names)
-        free = np.concatenate([np.arange(_POSE), chosen])
+        free = np.concatenate([np.arange(_POSE, dtype=np.int64), chosen])
         H = N[np.ix_(free, free)].copy()
         g = b[free].copy()
         H[_POSE:, _POSE:] += np.diag(1.0 / prior**2)
@@ -169,7 +169,7 @@ def _names(rig: Rig) -> tuple[str, ...]:
     return ("focal", "cx", "cy", *rig.robot.joint_names)
 
 
-def _chosen(rig: Rig, config: NuisanceConfig) -> tuple[F64, F64]:
+def _chosen(rig: Rig, config: NuisanceConfig) -> tuple[NDArray[np.int64], F64]:
     names = _names(rig)
     unknown = [n for n in config.joint_zeros if n not in rig.robot.joint_names]
     if unknown:
@@ -186,10 +186,12 @@ def _chosen(rig: Rig, config: NuisanceConfig) -> tuple[F64, F64]:
     if not wanted:
         raise InputError("Nothing is to be refined", expected="joint zeros, focal length or centre")
     chosen = [k for k, name in enumerate(names) if name in wanted]
-    return np.array(chosen) + _POSE, np.array([wanted[names[k]] for k in chosen])
+    return np.array(chosen, np.int64) + _POSE, np.array([wanted[names[k]] for k in chosen])
 
 
-def _refuse_unknowable(N: F64, b: F64, chosen: F64, prior: F64, names: Sequence[str]) -> None:
+def _refuse_unknowable(
+    N: F64, b: F64, chosen: NDArray[np.int64], prior: F64, names: Sequence[str]
+) -> None:
     """Raise unless the data, pose free, know every parameter better than its prior does."""
     left, _ = _without_pose(N, b, chosen)
     # Other parameters may be as wrong as their priors allow.
@@ -220,7 +222,7 @@ def _applied(
     return camera, zeros + np.array([by_name.get(n, 0.0) for n in rig.robot.joint_names])
 
 
-def _without_pose(N: F64, b: F64, chosen: F64) -> tuple[F64, F64]:
+def _without_pose(N: F64, b: F64, chosen: NDArray[np.int64]) -> tuple[F64, F64]:
     """Information and vector of the chosen parameters once pose and dilation are eliminated."""
     pose = np.arange(_POSE)
     gain = np.linalg.solve(N[np.ix_(pose, pose)], N[np.ix_(pose, chosen)]).T

@@ -79,7 +79,7 @@ def largest_consistent_set(problem: PoseProblem, starts: Sequence[F64]) -> Consi
         return None
     # The pose on the whole set is better than that of its pair, and may take in another view.
     for _ in range(2):
-        T = _settled(problem, tuple(np.flatnonzero(best.views)), best.T_cam_mount)
+        T = _settled(problem, tuple(int(v) for v in np.flatnonzero(best.views)), best.T_cam_mount)
         again = _set_at(problem, best.T_cam_mount if T is None else T, tolerance)
         if not again.beats(best):
             break

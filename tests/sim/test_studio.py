@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from easyhecpp.camera import Camera
+from easyhecpp.geometry import inverse, look_at
+from easyhecpp.render.reference_compiled import reference_coverage_compiled
+from easyhecpp.sim.finishes import ArmLook, dress
+from easyhecpp.sim.lens import plan_pinhole
+from easyhecpp.sim.materials import Material
+from easyhecpp.sim.robots import load_robot
+from easyhecpp.sim.room import Surroundings
+from easyhecpp.sim.studio import Quality, Studio, limit_threads
+from test_lens import CAMERAS, shift_px
+
+pytest.importorskip("mitsuba", reason="path-traced pictures need the extra sim")
+
+T_BASE_CAM = look_at([1.1, 0.5, 0.7], [0.1, 0.0, 0.35])
+JOINTS = np.array([0.3, -0.4, 0.2, 0.9, 0.1, 1.2, 0.0])
+OFF_CENTRE = Camera(240, 136, 170.0, 170.0, 104.3, 79.6)
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("xarm7")
+
+
+@pytest.fixture(scope="module")
+def shadow_play(robot):
+    """A black arm before a white sky: the picture is one minus the coverage."""
+    black = Material(colour=(0.0, 0.0, 0.0), roughness=1.0)
+    look = ArmLook("black", black, black, black, 0.03)
+    white = np.ones((4, 8, 3), np.float32)
+    return Studio(Surroundings((), (), (), white, 0.0), (), [dress(robot, look)])
+
+
+def traced_coverage(studio, robot, camera, quality, seed=1):
+    plan = plan_pinhole(camera)
+    poses = [robot.link_poses(JOINTS)]
+    light = studio.photograph(plan.pinhole, T_BASE_CAM, poses, quality, seed)
+    return 1.0 - plan.finish(light)[..., 0]
+
+
+def true_coverage(robot, camera):
+    Ts_cam_link = inverse(T_BASE_CAM) @ robot.link_poses(JOINTS)
+    return reference_coverage_compiled(robot.meshes, camera, Ts_cam_link, 11)
+
+
+def test_the_traced_arm_covers_the_pixels_that_the_reference_says(shadow_play, robot):
+    traced = traced_coverage(shadow_play, robot, OFF_CENTRE, Quality(64, 1, denoise=False))
+    truth = true_coverage(robot, OFF_CENTRE)
+    assert np.abs(shift_px(traced, truth)).max() < 0.01
+    edge = (truth > 0) & (truth < 1)
+    assert np.abs((traced - truth)[edge].mean()) < 0.005
+    assert np.abs(traced - truth).max() < 0.2
+    assert traced[truth == 1].mean() > 0.9995
+    assert traced[truth == 0].mean() < 0.0005
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_lenses_bend_the_traced_arm_as_the_projection_says(shadow_play, robot, name):
+    camera = CAMERAS[name]
+    traced = traced_coverage(shadow_play, robot, camera, Quality(36, 1, denoise=False))
+    assert np.abs(shift_px(traced, true_coverage(robot, camera))).max() < 0.02
+
+
+def test_denoising_does_not_move_edges(shadow_play, robot):
+    traced = traced_coverage(shadow_play, robot, OFF_CENTRE, Quality(12, 1, denoise=True))
+    truth = true_coverage(robot, OFF_CENTRE)
+    assert np.abs(shift_px(traced, truth)).max() < 0.02
+    edge = (truth > 0) & (truth < 1)
+    # Growing by a pixel would add about one for every pixel on the edge.
+    assert abs((traced - truth).sum()) < 0.02 * edge.sum()
+
+
+def test_the_same_seed_gives_the_same_picture_whatever_the_threads(shadow_play, robot):
+    quality = Quality(2, 1, denoise=True)
+    pictures = []
+    try:
+        for threads in (1, 2, 2):
+            limit_threads(threads)
+            pictures.append(traced_coverage(shadow_play, robot, OFF_CENTRE, quality))
+    finally:
+        limit_threads(2)
+    other = traced_coverage(shadow_play, robot, OFF_CENTRE, quality, seed=2)
+    assert np.array_equal(pictures[0], pictures[1])
+    assert np.array_equal(pictures[1], pictures[2])
+    assert not np.array_equal(pictures[0], other)
