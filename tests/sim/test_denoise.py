@@ -1,9 +1,9 @@
 from __future__ import annotations
 
 import numpy as np
+from sim_pictures import shift_px
 
 from easyhecpp.sim.denoise import denoised
-from test_lens import shift_px
 
 
 def halves(truth: np.ndarray, sigma: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sim_pictures import CAMERAS, shift_px
 
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, look_at
@@ -12,7 +13,6 @@ from easyhecpp.sim.materials import Material
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.room import Surroundings
 from easyhecpp.sim.studio import Quality, Studio, limit_threads
-from test_lens import CAMERAS, shift_px
 
 pytest.importorskip("mitsuba", reason="path-traced pictures need the extra sim")
 
