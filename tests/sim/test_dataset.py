@@ -72,8 +72,10 @@ def test_a_second_run_makes_nothing_and_mends_what_is_broken(dataset):
     # A run that was killed leaves a scene without its truth.
     (folders[1] / TRUTH).unlink()
     (folders[1] / "images" / "0001.png").unlink()
+    (folder / ".scene_0001.abcdef.tmp" / "images").mkdir(parents=True)
     generate_scenes(folder, 2, seed=5, progress=lambda *c: calls.append(c), **WHAT)
     assert calls == [(2, 2, "scene_0001")]
+    assert sorted(f.name for f in folder.iterdir()) == ["scene_0000", "scene_0001"]
     assert (folders[1] / "images" / "0001.png").read_bytes() == content
     assert image.stat().st_mtime_ns == stamp
 
@@ -93,6 +95,14 @@ def test_processes_make_the_same_scenes(dataset, tmp_path):
     for mine, theirs in zip(folders, dataset[1], strict=True):
         for name in (TRUTH, "images/0000.png", "masks/0001.png", "depth/0000.png", "joints.csv"):
             assert (mine / name).read_bytes() == (theirs / name).read_bytes()
+
+
+def test_any_urdf_will_do(shared, tmp_path):
+    urdf = shared / "captures" / "xarm7_realsense" / "robot" / "robot.urdf"
+    folder = generate_scenes(tmp_path, 1, robot=str(urdf), **{**WHAT, "views": 1})[0]
+    capture = Capture.load(folder)
+    assert capture.robot.base_link == "link_base"
+    assert 0 < capture.views[0].mask.mean() < 1
 
 
 @pytest.mark.parametrize(

@@ -79,19 +79,19 @@ def test_a_small_lamp_lights_a_panel_by_the_inverse_square_of_its_distance():
 def test_a_table_keeps_lamp_and_sky_from_the_floor_below():
     white = np.full((90, 90, 3), 255, np.uint8)
     table = Shade(upright(0, 0, 0.8, 0), (1.0, 1.0))
-    floor = painted(
-        "floor",
-        np.eye(4),
-        (6.0, 6.0),
-        white,
-        [lamp_above(2.5)],
-        np.ones(3),
-        shades=[table],
-        cells=90,
-    ).radiance[..., 0]
-    open_floor = painted(
-        "floor", np.eye(4), (6.0, 6.0), white, [lamp_above(2.5)], np.ones(3), cells=90
-    ).radiance[..., 0]
+    floor, open_floor = (
+        painted(
+            "floor",
+            np.eye(4),
+            (6.0, 6.0),
+            white,
+            [lamp_above(2.5)],
+            np.ones(3),
+            shades=shades,
+            cells=90,
+        ).radiance[..., 0]
+        for shades in ([table], [])
+    )
     assert floor[45, 45] < 0.8 * open_floor[45, 45]
     assert floor[45, 2] == pytest.approx(open_floor[45, 2], rel=0.06)
     assert (floor <= open_floor + 1e-6).all()

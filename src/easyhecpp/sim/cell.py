@@ -25,7 +25,7 @@ from easyhecpp.sim.lens import plan_pinhole
 from easyhecpp.sim.options import CellOptions, options_for
 from easyhecpp.sim.placement import front_azimuth, random_camera, tripod_camera, wrist_camera
 from easyhecpp.sim.poses import PoseSampler
-from easyhecpp.sim.robots import load_robot, named_robot, robot_names
+from easyhecpp.sim.robots import is_robot_file, load_robot, named_robot, robot_names
 from easyhecpp.sim.room import RoomPlan, Surroundings, random_surroundings
 from easyhecpp.sim.sensor import Sensor, metered_gain, random_sensor
 from easyhecpp.sim.studio import FULL, PREVIEW, Quality, Studio
@@ -119,7 +119,7 @@ class Cell:
         """Draw a plausible cell; the same generator state draws the same cell.
 
         Args:
-            robot: a robot, or a name that `easyhecpp.sim.robots.load_robot` knows.
+            robot: a robot, a name that `easyhecpp.sim.robots.load_robot` knows, or a URDF's path.
             rng: all randomness comes from here.
             difficulty: ``easy``, ``normal`` or ``hard``: clutter, light, noise, a second arm.
             options: replaces the difficulty's options.
@@ -326,6 +326,8 @@ def _quality(value: Quality | str) -> Quality:
 
 def _resolve(robot: Robot | str, options: CellOptions) -> tuple[Robot, bool, str | None]:
     """The robot, whether it stands on the floor, and the link a wrist camera rides on."""
+    if isinstance(robot, str) and is_robot_file(robot):
+        robot = load_robot(robot)
     if isinstance(robot, str):
         entry = named_robot(robot)
         return load_robot(robot), entry.stands_on == "floor", options.ee_link or entry.ee_link

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field, replace
@@ -36,7 +37,7 @@ class DatasetPlan:
     """What to generate.
 
     Attributes:
-        robot: name of the arm.
+        robot: name of the arm, or path of its URDF.
         seed: of the whole data set; scene k depends on it and on k alone.
         views: per scene.
         options: of the cells.
@@ -79,7 +80,7 @@ def generate_scenes(
         folder: where to.
         n: number of scenes.
         seed: of the data set; scene k is the same however many there are.
-        robot: name of the arm, see `easyhecpp.sim.robots.robot_names`.
+        robot: name of the arm, see `easyhecpp.sim.robots.robot_names`, or path of its URDF.
         views: per scene.
         difficulty: ``easy``, ``normal`` or ``hard``.
         options: replaces the difficulty's options.
@@ -141,6 +142,8 @@ def make_scene(root: str | Path, plan: DatasetPlan, index: int) -> Path:
     source = replace(robot_source(plan.robot), copy=plan.copy_robot)
     # The truth goes last: its presence says that the scene is whole.
     (folder / TRUTH).unlink(missing_ok=True)
+    for leftover in folder.parent.glob(f".{folder.name}.*.tmp*"):
+        shutil.rmtree(leftover, ignore_errors=True)
     write_capture(folder, capture, robot=source, overwrite=True)
     write_text(folder / TRUTH, json.dumps(_truth(cell, plan, index), indent=1) + "\n")
     return folder

@@ -1,4 +1,4 @@
-"""Robot arms by name, from the URDFs and meshes of the example-robot-data wheel."""
+"""Robot arms by name, from the URDFs and meshes of the example-robot-data wheel, or by file."""
 
 from __future__ import annotations
 
@@ -83,13 +83,23 @@ def named_robot(name: str) -> NamedRobot:
     )
 
 
+def is_robot_file(name: str) -> bool:
+    """Whether this is the path of a robot's description, not the name of a built-in one."""
+    return Path(name).suffix.lower() in {".urdf", ".xacro"}
+
+
 def robot_source(name: str) -> RobotSource:
-    """Where a named arm's URDF is, as a capture folder records it.
+    """Where an arm's URDF is, as a capture folder records it.
+
+    Args:
+        name: of a built-in arm, or the path of a URDF.
 
     Raises:
         InputError: unknown name.
         MissingExtraError: the wheel with the URDFs is not installed.
     """
+    if is_robot_file(name):
+        return RobotSource(Path(name).resolve(), copy=False)
     entry = named_robot(name)
     share = data_folder()
     return RobotSource(
@@ -99,13 +109,18 @@ def robot_source(name: str) -> RobotSource:
 
 @lru_cache(maxsize=8)
 def load_robot(name: str) -> Robot:
-    """Load an arm by name.
+    """Load an arm.
+
+    Args:
+        name: of a built-in arm, or the path of a URDF.
 
     Raises:
-        InputError: unknown name.
+        InputError: unknown name, or anything wrong with the file.
         MissingExtraError: the wheel with the URDFs is not installed.
     """
     source = robot_source(name)
+    if is_robot_file(name):
+        return Robot.from_urdf(source.path)
     return Robot.from_urdf(
         source.path,
         package_dirs=source.package_dirs,
