@@ -156,6 +156,7 @@ class Cell:
             n_clutter=int(rng.integers(options.clutter[0], options.clutter[1] + 1)),
             n_furniture=options.furniture,
             n_pictures=options.pictures,
+            foreground=bool(rng.random() < options.foreground),
         )
         look = random_look(rng, model.reach)
         surroundings = random_surroundings(rng, plan)

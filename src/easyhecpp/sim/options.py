@@ -28,6 +28,7 @@ class CellOptions:
         min_visible: least share of what moves, seen from the camera's mount, in view in random
             poses; by default 0.7 for a camera beside the arm and 0.15 for one on it.
         clutter: fewest and most things on the table.
+        foreground: probability of something large between the camera and the arm's foot.
         furniture: most pieces of furniture.
         pictures: most pictures on the wall.
         distractor: probability of a second arm.
@@ -47,6 +48,7 @@ class CellOptions:
     distance: tuple[float, float] = (0.9, 1.5)
     min_visible: float | None = None
     clutter: tuple[int, int] = (3, 9)
+    foreground: float = 0.15
     furniture: int = 5
     pictures: int = 6
     distractor: float = 0.25
@@ -65,12 +67,19 @@ class CellOptions:
 
 DIFFICULTIES = {
     "easy": CellOptions(
-        clutter=(0, 3), furniture=2, pictures=2, distractor=0.0, noise=0.5, flicker=0.0
+        clutter=(0, 3),
+        foreground=0.0,
+        furniture=2,
+        pictures=2,
+        distractor=0.0,
+        noise=0.5,
+        flicker=0.0,
     ),
     "normal": CellOptions(),
     "hard": CellOptions(
         azimuth_deg=180.0,
         clutter=(8, 16),
+        foreground=0.7,
         furniture=8,
         distractor=0.7,
         distractor_moves=0.6,

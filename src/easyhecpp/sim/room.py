@@ -54,6 +54,7 @@ class RoomPlan:
         n_clutter: number of things on the table.
         n_furniture: largest number of cabinets, shelves and boxes in the background.
         n_pictures: largest number of posters on the wall.
+        foreground: put something large between the camera and the foot of the arm.
     """
 
     reach: float
@@ -64,6 +65,7 @@ class RoomPlan:
     n_clutter: int
     n_furniture: int = 5
     n_pictures: int = 6
+    foreground: bool = False
 
     @property
     def scale(self) -> float:
@@ -156,6 +158,8 @@ def random_surroundings(rng: np.random.Generator, plan: RoomPlan) -> Surrounding
         )
         props += _table(rng, plan, top)
     props += _clutter(rng, plan, top)
+    if plan.foreground:
+        props += _foreground(rng, plan, top)
     description = {"sky": sky_name, "wall": wall_name, "lamps": str(len(lamps))}
     turn = float(rng.uniform(0, 2 * np.pi))
     return Surroundings(tuple(props), tuple(panels), tuple(lamps), sky, turn, description)
@@ -235,3 +239,16 @@ def _clutter(rng: np.random.Generator, plan: RoomPlan, top: TableTop) -> list[Pr
         for surface, material in random_item(rng, size):
             props.append(Prop("clutter", moved(surface, T), material))
     return props
+
+
+def _foreground(rng: np.random.Generator, plan: RoomPlan, top: TableTop) -> list[Prop]:
+    """A large thing on the table on the camera's side, where there is table."""
+    for _ in range(200):
+        x, y = top.random_place(rng, 0.3 * plan.scale)
+        aside = np.arctan2(y, x) - plan.camera_azimuth
+        aside = np.abs((aside + np.pi) % (2 * np.pi) - np.pi)
+        if aside < 0.3 and np.hypot(x, y) < 0.75 * plan.scale:
+            T = upright(x, y, plan.stand_z, rng.uniform(0, 2 * np.pi))
+            items = random_item(rng, plan.scale * rng.uniform(0.22, 0.36))
+            return [Prop("clutter", moved(surface, T), material) for surface, material in items]
+    return []
