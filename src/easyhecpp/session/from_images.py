@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
 from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
@@ -14,7 +12,7 @@ from easyhecpp.segment.protocols import CaptureMasks, PoseBelief
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
-from easyhecpp.solve import PoseEstimate, SolveConfig
+from easyhecpp.solve import SolveConfig
 from easyhecpp.solve.consistency import solve_consistent
 
 FEWEST_VIEWS = 3
@@ -68,9 +66,7 @@ def calibrate_classically(capture: Capture, stages: Stages, *, config: SolveConf
 def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outcome:
     """Fit the contour to the image's own edges, where that is possible and proves better.
 
-    The refined pose is taken when it fits contour points better that it was not fitted to, and when
-    it states the smaller uncertainty. Left out without images, with fewer than three views, or with
-    a camera that moves with the arm.
+    Left out without images, with fewer than three views, or with a camera that moves with the arm.
     """
     used = {view.id: view.weight for view in outcome.estimate.views}
     views = [view for view in capture.views if view.has_image and view.id in used]
@@ -89,14 +85,6 @@ def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outco
             weights=[0.0 if view.id in out else 1.0 for view in views],
             ignore=[ignore.get(view.id) for view in views],
         )
-    if refined.accepted and not _is_surer(refined.estimate, outcome.estimate):
-        note = "edges: not taken, as the masks state a smaller uncertainty."
-        return replace(outcome, notes=(*outcome.notes, note))
     return replace(
         outcome, estimate=refined.estimate, notes=(*outcome.notes, f"edges: {refined.reason}")
     )
-
-
-def _is_surer(a: PoseEstimate, b: PoseEstimate) -> bool:
-    """Whether the covariance of ``a`` has the smaller volume."""
-    return bool(np.linalg.slogdet(a.covariance)[1] < np.linalg.slogdet(b.covariance)[1])
