@@ -145,7 +145,7 @@ def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
 
 
 @jit
-def fill_jacobian(
+def jacobian_entries(
     start: I32,
     found: I64,
     segments: F64,
@@ -157,19 +157,26 @@ def fill_jacobian(
     k: F64,
     valid_radius: float,
     upright: bool,
-    out: F64,
-) -> None:
-    """Add d(coverage)/d(delta) to ``out`` ``(H, W, 6)``: the ends of the spans that move.
+    height: int,
+    width: int,
+    pixels: I64,
+    rows: F64,
+) -> int:
+    """What each end of a span that moves adds to d(coverage)/d(delta) of the pixel it lies in.
 
     A line tells nothing of an outline that runs along it. So this is asked twice, with lines along
     rows and, ``upright``, along columns (``segments`` and crossings with x and y swapped, weights
     negated because that turns the picture over), and takes only what crosses a line steeply.
+
+    Fills ``pixels`` ``(C,)``, ``y * width + x`` in the picture as it is, and ``rows`` ``(C, 6)``
+    with room for every crossing; returns how many there are. A pixel may come up several times.
     """
-    height, width = (out.shape[1], out.shape[0]) if upright else (out.shape[0], out.shape[1])
+    n_lines, length = (width, height) if upright else (height, width)
     p = np.empty(3)
     normal = np.empty(2)
     row3 = np.empty(3)
-    for line in range(height * LINES):
+    n = 0
+    for line in range(n_lines * LINES):
         layers = 0
         for i in range(start[line], start[line + 1]):
             before = layers
@@ -178,8 +185,8 @@ def fill_jacobian(
             closes = before > 0 and layers <= 0
             if not (opens or closes):
                 continue
-            column = int(np.floor(_x_of(found[i]) + 0.5))
-            if column < 0 or column >= width:
+            at = int(np.floor(_x_of(found[i]) + 0.5))
+            if at < 0 or at >= length:
                 continue
             s = _segment_of(found[i])
             y0, y1 = segments[s, 1], segments[s, 3]
@@ -197,13 +204,15 @@ def fill_jacobian(
             project_row(p, normal, fc, model, k, valid_radius, row3)
             sign = -1.0 / LINES if opens else 1.0 / LINES
             px, py, pz = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
-            target = out[column, line // LINES] if upright else out[line // LINES, column]
-            target[0] += sign * row3[0]
-            target[1] += sign * row3[1]
-            target[2] += sign * row3[2]
-            target[3] += sign * (py * row3[2] - pz * row3[1])
-            target[4] += sign * (pz * row3[0] - px * row3[2])
-            target[5] += sign * (px * row3[1] - py * row3[0])
+            pixels[n] = at * width + line // LINES if upright else line // LINES * width + at
+            rows[n, 0] = sign * row3[0]
+            rows[n, 1] = sign * row3[1]
+            rows[n, 2] = sign * row3[2]
+            rows[n, 3] = sign * (py * row3[2] - pz * row3[1])
+            rows[n, 4] = sign * (pz * row3[0] - px * row3[2])
+            rows[n, 5] = sign * (px * row3[1] - py * row3[0])
+            n += 1
+    return n
 
 
 @jit

@@ -20,7 +20,7 @@ from easyhecpp.render._packed import PackedMeshes
 from easyhecpp.render._raster_kernel import (
     crossings,
     fill_coverage,
-    fill_jacobian,
+    jacobian_entries,
     sample_outer_contour,
 )
 from easyhecpp.robot import LinkMesh
@@ -120,21 +120,46 @@ class SilhouetteRenderer:
         ``delta = [v, w]`` moves the whole arm in the camera frame about the point ``centre_cam``
         ``(3,)``, see :func:`easyhecpp.geometry.perturb_about`; metres and radians.
         """
+        coverage, pixels, rows = self.coverage_with_sparse_jacobian(Ts_cam_link, centre_cam)
+        jacobian = np.zeros((*coverage.shape, 6))
+        np.add.at(jacobian.reshape(-1, 6), pixels, rows)
+        return coverage, jacobian
+
+    def coverage_with_sparse_jacobian(
+        self, Ts_cam_link: F64, centre_cam: F64, out: F32 | None = None
+    ) -> tuple[F32, NDArray[np.int64], F64]:
+        """Coverage ``(H, W)`` and the entries of its derivative, which is zero off the outline.
+
+        Args:
+            Ts_cam_link: ``(L, 4, 4)``.
+            centre_cam: ``(3,)``, as in `coverage_with_jacobian`.
+            out: As in `coverage`.
+
+        Returns:
+            The coverage; indices ``(N,)`` of pixels in the flattened picture; ``(N, 6)``. The
+            derivative of a pixel by ``delta`` is the sum of all rows that name it.
+        """
         seg = self._project(Ts_cam_link)
-        coverage, along_rows = self._cover(seg, None)
+        coverage, along_rows = self._cover(seg, out)
         swapped = np.ascontiguousarray(seg.segments[: seg.count][:, [1, 0, 3, 2]])
         along_columns = crossings(seg.count, swapped, self.camera.width)
-        jacobian = np.zeros((*coverage.shape, 6))
         centre = np.asarray(centre_cam, np.float64)
-        for found, segments, weights, upright in (
+        found = []
+        for (start, order), segments, weights, upright in (
             (along_rows, seg.segments, seg.weights, False),
             (along_columns, swapped, -seg.weights, True),
         ):
-            fill_jacobian(
-                *found, segments, seg.ends, weights, centre, self._fc, self._model, self._k,
-                self._valid_radius, upright, jacobian,
+            pixels, rows = np.empty(len(order), np.int64), np.empty((len(order), 6))
+            n = jacobian_entries(
+                start, order, segments, seg.ends, weights, centre, self._fc, self._model, self._k,
+                self._valid_radius, upright, *coverage.shape, pixels, rows,
             )  # fmt: skip
-        return coverage, jacobian
+            found.append((pixels[:n], rows[:n]))
+        return (
+            coverage,
+            np.concatenate([pixels for pixels, _ in found]),
+            np.concatenate([rows for _, rows in found]),
+        )
 
     def contour(
         self, Ts_cam_link: F64, centre_cam: F64, *, spacing: float = 1.0
