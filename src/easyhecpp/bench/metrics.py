@@ -56,6 +56,22 @@ class Spread:
     median: float
     p95: float
 
+    @classmethod
+    def of(cls, values: Sequence[float | None], right: Sequence[bool]) -> Spread:
+        """Sum up values of one kind.
+
+        Args:
+            values: One for each pose; None for a pose that was not found.
+            right: Whether each pose is right.
+        """
+        known = [math.inf if value is None else value for value in values]
+        good = [value for value, fine in zip(known, right, strict=True) if fine]
+        return cls(
+            mean=float(np.mean(good)) if good else math.nan,
+            median=_percentile(known, 50.0),
+            p95=_percentile(known, 95.0),
+        )
+
 
 @dataclass(frozen=True)
 class ErrorSummary:
@@ -81,22 +97,12 @@ class ErrorSummary:
 
 def summarise(errors: Sequence[PoseError | None]) -> ErrorSummary:
     """Sum up errors; None stands for a pose that was not found."""
-    right = [error for error in errors if error is not None and error.is_right]
-
-    def spread(attribute: str) -> Spread:
-        values = [math.inf if e is None else getattr(e, attribute) for e in errors]
-        good = [getattr(e, attribute) for e in right]
-        return Spread(
-            mean=float(np.mean(good)) if good else math.nan,
-            median=_percentile(values, 50.0),
-            p95=_percentile(values, 95.0),
-        )
-
+    right = [error is not None and error.is_right for error in errors]
     return ErrorSummary(
         count=len(errors),
-        failures=len(errors) - len(right),
-        position_mm=spread("position_mm"),
-        rotation_deg=spread("rotation_deg"),
+        failures=len(errors) - sum(right),
+        position_mm=Spread.of([e and e.position_mm for e in errors], right),
+        rotation_deg=Spread.of([e and e.rotation_deg for e in errors], right),
     )
 
 

@@ -8,18 +8,18 @@ noise's settings too: every row can be repeated alone, whatever else was run.
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError, chi_square, ellipsoid_share, summarise
+from easyhecpp.bench.scenes_pool import in_order
 from easyhecpp.bench.table import Table, describe_machine, machine_sentence
 from easyhecpp.camera import Camera
 from easyhecpp.errors import EasyHecError
@@ -217,7 +217,9 @@ def run_solve_bench(
     """
     job = _Job(robot, seed, tuple(cases), calibrate, scene_options)
     rows: list[SolveRow] = []
-    for done, scene_rows in enumerate(_run_all(job, n_scenes, workers), start=1):
+    for done, scene_rows in enumerate(
+        in_order(partial(_run_scene, job), range(n_scenes), workers), start=1
+    ):
         rows += scene_rows
         if progress is not None:
             progress(done)
@@ -294,31 +296,6 @@ class _Job:
     cases: tuple[Case, ...]
     calibrate: Calibrate
     scene_options: dict[str, Any]
-
-
-def _run_all(job: _Job, n_scenes: int, workers: int) -> Iterator[list[SolveRow]]:
-    if workers <= 1:
-        for index in range(n_scenes):
-            yield _run_scene(job, index)
-        return
-    # Forking a process that runs compiled threads can hang: start the workers afresh.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(
-        workers, mp_context=context, initializer=_remember, initargs=(job,)
-    ) as pool:
-        yield from pool.map(_run_remembered, range(n_scenes))
-
-
-_remembered: list[_Job] = []
-
-
-def _remember(job: _Job) -> None:
-    """In a worker: keep the job, so that the robot is sent once and its meshes simplified once."""
-    _remembered[:] = [job]
-
-
-def _run_remembered(index: int) -> list[SolveRow]:
-    return _run_scene(_remembered[0], index)
 
 
 def _run_scene(job: _Job, index: int) -> list[SolveRow]:

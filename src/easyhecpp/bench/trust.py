@@ -10,9 +10,7 @@ from `default_rng([s, i])`.
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError, chi_square, ellipsoid_share
+from easyhecpp.bench.scenes_pool import in_order
 from easyhecpp.bench.table import Table
 from easyhecpp.bench.trust_scenes import FAMILIES, TrustCase, build_case
 from easyhecpp.errors import EasyHecError
@@ -82,7 +81,7 @@ def run_trust_bench(
     jobs = [(family, scene) for scene in range(n_scenes) for family in families]
     rows = []
     for done, row in enumerate(
-        _in_order(partial(_row, seed=seed, width=width), jobs, workers), start=1
+        in_order(partial(_row, seed=seed, width=width), jobs, workers), start=1
     ):
         rows.append(row)
         if progress is not None:
@@ -126,18 +125,6 @@ def trust_table(rows: Sequence[TrustRow], title: str) -> Table:
         ),
         rows=tuple(lines),
     )
-
-
-def _in_order(
-    work: Callable[[tuple[str, int]], TrustRow], jobs: Sequence[tuple[str, int]], workers: int
-) -> Iterator[TrustRow]:
-    if workers <= 1:
-        yield from map(work, jobs)
-        return
-    # Threads of a pool do not survive a fork: start clean processes.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        yield from pool.map(work, jobs)
 
 
 def _row(job: tuple[str, int], *, seed: int, width: int) -> TrustRow:

@@ -58,6 +58,7 @@ class Calibration:
         estimate: The optimiser's own account.
         findings: How the views agree.
         masks: The masks used, by view id.
+        before_edges: The optimiser's account before the edge stage; None where that was left out.
         notes: What the user should know about how it was done.
     """
 
@@ -66,6 +67,7 @@ class Calibration:
     estimate: PoseEstimate
     findings: Findings
     masks: dict[str, NDArray[np.generic]]
+    before_edges: PoseEstimate | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -107,7 +109,7 @@ def calibrate(
             device=config.device,
         )
     if chosen.source is None:
-        outcome = calibrate_classically(capture, stages, config=config.solve)
+        outcome = calibrate_classically(capture, stages, config=config.solve, edges=config.edges)
     else:
         outcome = calibrate_from_masks(
             capture, chosen, stages, first_pose=config.first_pose, config=config.solve
@@ -128,6 +130,7 @@ def calibrate(
         estimate=outcome.estimate,
         findings=outcome.findings,
         masks={v.view_id: v.mask for v in outcome.masks.views if v.mask is not None},
+        before_edges=outcome.before_edges,
         notes=(f"masks: {chosen.why}", *outcome.notes),
     )
 

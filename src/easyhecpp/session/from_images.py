@@ -19,8 +19,17 @@ FEWEST_VIEWS = 3
 """With fewer views there is no background to tell the arm from."""
 
 
-def calibrate_classically(capture: Capture, stages: Stages, *, config: SolveConfig) -> Outcome:
+def calibrate_classically(
+    capture: Capture, stages: Stages, *, config: SolveConfig, edges: bool = True
+) -> Outcome:
     """Images, joints, intrinsics and URDF; nothing else.
+
+    Args:
+        capture: Views with images.
+        stages: Told about the stages.
+        config: Settings of the pose optimisation.
+        edges: Whether the pose of the edge stage is taken where it is better; else that of the
+            masks.
 
     Raises:
         InputError: A view without an image, or too few views.
@@ -42,24 +51,26 @@ def calibrate_classically(capture: Capture, stages: Stages, *, config: SolveConf
             [view.joints for view in capture.views],
             ids=capture.view_ids,
         )
-    belief = PoseBelief(found.T_mount_cam, found.estimate.covariance)
+    estimate = found.estimate if edges else found.before_edges
+    belief = PoseBelief(estimate.T_mount_cam, estimate.covariance)
     masks = CaptureMasks(found.masks, belief)
     with stages.stage("check", "checking the views against each other"):
         _, findings = solve_consistent(
             capture.rig,
             capture.camera,
             observations_of(capture, masks),
-            [found.T_mount_cam],
+            [estimate.T_mount_cam],
             replace(config, start_error_px=min(config.start_error_px, 8.0)),
         )
     notes = tuple(f"view {q.view_id}: {note}" for q in found.quality for note in q.notes)
     return Outcome(
-        found.estimate,
+        estimate,
         findings,
         masks,
         found.margin,
+        found.before_edges if edges else None,
         found.reasons,
-        (*notes, found.refinement.reason),
+        (*notes, found.refinement.reason) if edges else notes,
     )
 
 
@@ -86,5 +97,8 @@ def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outco
             ignore=[ignore.get(view.id) for view in views],
         )
     return replace(
-        outcome, estimate=refined.estimate, notes=(*outcome.notes, f"edges: {refined.reason}")
+        outcome,
+        estimate=refined.estimate,
+        before_edges=outcome.estimate,
+        notes=(*outcome.notes, f"edges: {refined.reason}"),
     )

@@ -22,6 +22,7 @@ class Outcome:
         findings: How the views agree.
         masks: The masks it rests on.
         margin: By how much the first pose beat its best rival, in mean IoU.
+        before_edges: The pose before the edge stage; None where that stage was left out.
         doubts: Reasons, beyond those of the estimate, why it may be wrong; sentences.
         notes: What the user should know about how it was done.
     """
@@ -30,6 +31,7 @@ class Outcome:
     findings: Findings
     masks: CaptureMasks
     margin: float
+    before_edges: PoseEstimate | None = None
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 

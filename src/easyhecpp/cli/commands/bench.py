@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional
 
-from easyhecpp.cli.output import complain, progress, say
+from easyhecpp.cli.commands.bench_pictures import BenchPhoto
+from easyhecpp.cli.output import complain, progress
+from easyhecpp.cli.publish import publish
 from easyhecpp.errors import InputError
-
-if TYPE_CHECKING:
-    from easyhecpp.bench.table import Table
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class BenchSolve:
                 workers=self.workers,
                 progress=lambda done: tell(f"{done} of {self.scenes} scenes"),
             )
-        _publish(solve_table(bench), self.out, command_line)
+        publish(solve_table(bench), self.out, command_line)
         return 0
 
 
@@ -96,20 +95,8 @@ class BenchTrust:
                 width=self.width,
                 progress=lambda done: tell(f"{done} of {total} scenes"),
             )
-        _publish(trust_table(rows, f"xarm7, seed {self.seed}"), self.out, command_line)
+        publish(trust_table(rows, f"xarm7, seed {self.seed}"), self.out, command_line)
         return 0
-
-
-def _publish(table: Table, out: Path | None, command_line: str) -> None:
-    from rich.console import Console
-
-    from easyhecpp._atomic import write_text
-
-    Console(width=None).print(table.to_rich())
-    if out is not None:
-        write_text(out, f"{table.to_markdown()}\nCommand: `{command_line}`\n")
-        write_text(out.with_suffix(".json"), table.to_json(command=command_line))
-        say(f"written: {out}, {out.with_suffix('.json')}")
 
 
 @dataclass(frozen=True)
@@ -147,7 +134,7 @@ class BenchPrompts:
         else:
             complain("no --result given: calibrating with the capture's masks first")
             T_mount_cam = calibrate(capture, CalibrationConfig(segmenter="given")).T_mount_cam
-        _publish(
+        publish(
             prompts_table(run_prompts_bench(capture, loaded.boxes, T_mount_cam)),
             self.out,
             command_line,
@@ -159,6 +146,7 @@ Choice = (
     Annotated[BenchSolve, tyro.conf.subcommand("solve")]
     | Annotated[BenchTrust, tyro.conf.subcommand("trust")]
     | Annotated[BenchPrompts, tyro.conf.subcommand("prompts")]
+    | Annotated[BenchPhoto, tyro.conf.subcommand("photo")]
 )
 
 

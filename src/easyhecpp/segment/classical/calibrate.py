@@ -79,6 +79,7 @@ class ClassicalResult:
         masks: One per view.
         quality: One per view.
         estimate: The pose with covariance, as the solver states it.
+        before_edges: The same before the edge stage.
         refinement: What the edge stage did.
         reasons: Why the result may be wrong, sentences; empty when it is sure.
         timings_s: Seconds per stage.
@@ -90,6 +91,7 @@ class ClassicalResult:
     masks: tuple[ViewMask, ...]
     quality: tuple[ViewQuality, ...]
     estimate: PoseEstimate
+    before_edges: PoseEstimate
     refinement: EdgeRefinement
     reasons: tuple[str, ...]
     timings_s: dict[str, float]
@@ -262,9 +264,9 @@ def calibrate_from_images(
     T = candidates[0].T_mount_cam
     lap("region")
     masks = segmenter.masks_at(T)
-    estimate = segmenter.solve(T, masks)
+    before_edges = segmenter.solve(T, masks)
     lap("masks")
-    refinement, quality = segmenter.refine(estimate)
+    refinement, quality = segmenter.refine(before_edges)
     lap("edges")
     estimate = refinement.estimate
     masks = segmenter.masks_at(estimate.T_mount_cam)
@@ -277,6 +279,7 @@ def calibrate_from_images(
         masks=masks,
         quality=quality,
         estimate=replace(estimate, timings_s={**estimate.timings_s, **timings}),
+        before_edges=before_edges,
         refinement=refinement,
         reasons=_doubts(candidates, margin, refinement, config, camera, len(images)),
         timings_s=timings,

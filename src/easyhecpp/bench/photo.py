@@ -1,0 +1,338 @@
+"""From photo-real pictures alone, without any weights: `easyhecpp bench photo`.
+
+Scene k of a seed is one cell with one of several arms, photographed by the path tracer and
+calibrated from images, joints, intrinsics and the URDF. The pose before the edge stage and the one
+after it come from the same run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from easyhecpp.bench.metrics import PoseError, Spread, wilson_interval
+from easyhecpp.bench.plots import cumulative_plot
+from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
+from easyhecpp.bench.truth_file import read_truth
+from easyhecpp.capture import Capture
+from easyhecpp.errors import InputError
+from easyhecpp.session import CalibrationConfig, calibrate
+from easyhecpp.sim.dataset import DatasetPlan, is_complete, make_scene
+from easyhecpp.sim.options import options_for
+from easyhecpp.sim.robots import robot_source
+from easyhecpp.sim.studio import FULL, mitsuba
+
+ARMS = ("xarm7", "panda", "ur5", "kinova_gen2", "z1")
+"""The arms that take turns."""
+
+WORSE_SHARE, WORSE_MM = 0.10, 0.1
+"""The edge stage made a scene worse when the error grew by more than both."""
+
+_RENEW_AFTER = 10
+
+
+@dataclass(frozen=True)
+class PhotoBench:
+    """What is measured.
+
+    Attributes:
+        scenes: Their number.
+        seed: Scene k depends on it, on the arms and on k.
+        arms: Scene k shows arm k modulo their number.
+        views: Pictures per scene.
+        size: Of the pictures, (width, height).
+        samples: Light paths per pixel.
+        difficulty: Of the cells: ``easy``, ``normal`` or ``hard``.
+    """
+
+    scenes: int
+    seed: int
+    arms: tuple[str, ...] = ARMS
+    views: int = 6
+    size: tuple[int, int] = (960, 540)
+    samples: int = FULL.samples
+    difficulty: str = "normal"
+
+    def plan(self, scene: int) -> DatasetPlan:
+        """The data set that a scene belongs to."""
+        width, height = self.size
+        return DatasetPlan(
+            self.arms[scene % len(self.arms)],
+            self.seed,
+            self.views,
+            replace(options_for(self.difficulty), width=width, height=height),
+            replace(FULL, samples=self.samples),
+        )
+
+    def settings(self) -> dict[str, Any]:
+        """What decides a scene, however many there are."""
+        values = dataclasses.asdict(self)
+        del values["scenes"]
+        return values
+
+
+@dataclass(frozen=True)
+class PhotoRow:
+    """One scene.
+
+    Attributes:
+        scene: Its number.
+        arm: Its arm.
+        verdict: ``ok``, ``doubtful`` or ``failed``; ``error`` when nothing came out.
+        reach_m: Of the arm, metres.
+        position_mm, rotation_deg: Error of the pose; None where there is none.
+        before_mm, before_deg: Error of the pose before the edge stage.
+        seconds: Of the calibration.
+        made_s: Seconds that the pictures took; 0 when they were there.
+        reasons: The verdict's sentences, or the error's text.
+        made: Whether there were pictures to calibrate from.
+    """
+
+    scene: int
+    arm: str
+    verdict: str
+    reach_m: float | None = None
+    position_mm: float | None = None
+    rotation_deg: float | None = None
+    before_mm: float | None = None
+    before_deg: float | None = None
+    seconds: float | None = None
+    made_s: float = 0.0
+    reasons: tuple[str, ...] = field(default=())
+    made: bool = True
+
+    @property
+    def error(self) -> PoseError | None:
+        """Of the pose that a user gets."""
+        return _error(self.position_mm, self.rotation_deg)
+
+    @property
+    def before(self) -> PoseError | None:
+        """Of the pose before the edge stage."""
+        return _error(self.before_mm, self.before_deg)
+
+    @property
+    def is_right(self) -> bool:
+        """Whether the pose is within 20 mm and 2 deg."""
+        return self.error is not None and self.error.is_right
+
+    @property
+    def worse_by_edges(self) -> bool:
+        """Whether the edge stage harmed."""
+        if self.position_mm is None or self.before_mm is None:
+            return False
+        more = self.position_mm - self.before_mm
+        return more > WORSE_SHARE * self.before_mm and more > WORSE_MM
+
+
+def run_photo_bench(
+    bench: PhotoBench,
+    *,
+    folder: Path | None = None,
+    rows_file: Path | None = None,
+    workers: int = 1,
+    progress: Callable[[int, PhotoRow], None] | None = None,
+) -> tuple[PhotoRow, ...]:
+    """Photograph scenes, calibrate them, and compare with the truth.
+
+    Whatever goes wrong in a scene is a counted failure with its text. Scenes whose row stands in
+    ``rows_file`` are not done again, but those whose pictures could not be made are.
+
+    Args:
+        bench: What is measured.
+        folder: Keeps the data set; otherwise every scene is removed when it is done.
+        rows_file: Keeps the rows as they come.
+        workers: Processes side by side; seconds are honest with one only.
+        progress: Called with the number of rows so far and the last of them.
+
+    Raises:
+        InputError: Unknown arm or difficulty, no scenes, or a file of other settings.
+        MissingExtraError: The path tracer or the arms are not installed.
+    """
+    _check(bench)
+    kept = RowFile(rows_file, bench.settings())
+    rows = {
+        row["scene"]: PhotoRow(**{**row, "reasons": tuple(row["reasons"])}) for row in kept.rows
+    }
+    rows = {scene: row for scene, row in rows.items() if scene < bench.scenes}
+    missing = [scene for scene in range(bench.scenes) if scene not in rows]
+    work = partial(photo_row, bench, folder)
+    # The path tracer keeps memory of its own: processes are replaced now and then.
+    for row in in_order(work, missing, workers, renew_after=_RENEW_AFTER):
+        rows[row.scene] = row
+        if row.made:
+            kept.append(dataclasses.asdict(row))
+        if progress is not None:
+            progress(len(rows), row)
+    return tuple(rows[scene] for scene in sorted(rows))
+
+
+def photo_row(bench: PhotoBench, folder: Path | None, scene: int) -> PhotoRow:
+    """Photograph and calibrate one scene; never raises."""
+    plan = bench.plan(scene)
+    row = PhotoRow(scene, plan.robot, "error")
+    with _place(folder) as root:
+        clock = time.perf_counter()
+        try:
+            place = root / f"scene_{scene:04d}"
+            if not is_complete(place, plan, scene):
+                make_scene(root, plan, scene)
+                row = replace(row, made_s=time.perf_counter() - clock)
+        except Exception as error:
+            return replace(row, made=False, reasons=(_text(error),))
+        try:
+            return _calibrated(row, place)
+        except Exception as error:
+            return replace(row, reasons=(_text(error),))
+
+
+def photo_table(bench: PhotoBench, rows: Sequence[PhotoRow]) -> Table:
+    """Sum up: two lines an arm, with the edge stage and without, and two for all arms."""
+    lines = []
+    groups = {arm: [r for r in rows if r.arm == arm] for arm in bench.arms}
+    if len(groups) > 1:
+        groups["all"] = list(rows)
+    for arm, mine in groups.items():
+        if mine:
+            lines += [_line(arm, mine, edges=edges) for edges in (False, True)]
+    width, height = bench.size
+    wrong_ok = [r.scene for r in rows if not r.is_right and r.verdict == "ok"]
+    return Table(
+        title=f"{len(rows)} photo-real scenes from images alone, seed {bench.seed}",
+        columns=(
+            "arm",
+            "edge stage",
+            "failures (95 % interval)",
+            "mm per m of reach, mean",
+            "median",
+            "95 %",
+            "deg mean",
+            "deg median",
+            "deg 95 %",
+            "ok / doubtful / failed / error",
+            "worse by edges",
+            "s",
+        ),
+        rows=tuple(lines),
+        notes=(
+            f"{bench.views} views of {width}x{height}, {bench.samples} samples a pixel, "
+            f"{bench.difficulty} cells; no masks given, no weights. Right: camera centre within "
+            "20 mm and 2 deg; means over the right ones, medians and percentiles over all.",
+            f"Wrong poses called ok: {len(wrong_ok)}"
+            + (f" (scenes {', '.join(map(str, wrong_ok))})." if wrong_ok else "."),
+            f"Worse by edges: the error grew by more than {WORSE_SHARE:.0%} and {WORSE_MM} mm.",
+            machine_sentence(describe_machine()),
+        ),
+    )
+
+
+def photo_plot(rows: Sequence[PhotoRow]) -> Figure:
+    """Share of scenes over the error per metre of arm."""
+    return cumulative_plot(
+        {
+            "masks only": [_per_metre(r.before_mm, r) for r in rows],
+            "with the edge stage": [_per_metre(r.position_mm, r) for r in rows],
+        },
+        title="Photo-real scenes, from images alone",
+        label="error of the camera's centre, mm per metre of the arm's reach",
+        marks={"aim": 0.5},
+    )
+
+
+def _calibrated(row: PhotoRow, place: Path) -> PhotoRow:
+    truth = read_truth(place).T_mount_cam
+    assert truth is not None  # the generator writes it
+    capture = Capture.load(place)
+    clock = time.perf_counter()
+    found = calibrate(capture, CalibrationConfig(segmenter="classical"))
+    seconds = time.perf_counter() - clock
+    error = PoseError.between(found.T_mount_cam, truth)
+    start = found.before_edges or found.estimate
+    before = PoseError.between(start.T_mount_cam, truth)
+    return replace(
+        row,
+        verdict=found.result.verdict,
+        reach_m=capture.robot.reach,
+        position_mm=error.position_mm,
+        rotation_deg=error.rotation_deg,
+        before_mm=before.position_mm,
+        before_deg=before.rotation_deg,
+        seconds=seconds,
+        reasons=(*found.result.reasons, *found.notes),
+    )
+
+
+def _line(arm: str, rows: Sequence[PhotoRow], *, edges: bool) -> tuple[Cell, ...]:
+    errors = [row.error if edges else row.before for row in rows]
+    right = [error is not None and error.is_right for error in errors]
+    failures = len(rows) - sum(right)
+    low, high = wilson_interval(failures, len(rows))
+    metre = Spread.of(
+        [_per_metre(e and e.position_mm, r) for e, r in zip(errors, rows, strict=True)], right
+    )
+    degrees = Spread.of([e and e.rotation_deg for e in errors], right)
+    words = [sum(r.verdict == w for r in rows) for w in ("ok", "doubtful", "failed", "error")]
+    seconds = [r.seconds for r in rows if r.seconds is not None]
+    return (
+        arm,
+        "yes" if edges else "no",
+        f"{failures} of {len(rows)} ({100 * low:.0f}-{100 * high:.0f} %)",
+        metre.mean,
+        metre.median,
+        metre.p95,
+        degrees.mean,
+        degrees.median,
+        degrees.p95,
+        " / ".join(map(str, words)) if edges else "",
+        sum(r.worse_by_edges for r in rows) if edges else None,
+        float(np.median(seconds)) if edges and seconds else None,
+    )
+
+
+def _check(bench: PhotoBench) -> None:
+    for name, value in (("scenes", bench.scenes), ("views", bench.views), ("spp", bench.samples)):
+        if value < 1:
+            raise InputError(f"{name} is {value}", expected="1 or more")
+    if not bench.arms:
+        raise InputError("No arm is named", expected="at least one")
+    # Missing packages and misspelt names are told at once, not scene by scene.
+    mitsuba()
+    for arm in bench.arms:
+        robot_source(arm)
+    bench.plan(0)
+
+
+@contextlib.contextmanager
+def _place(folder: Path | None) -> Iterator[Path]:
+    if folder is not None:
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="easyhecpp-photo-") as place:
+        yield Path(place)
+
+
+def _error(millimetres: float | None, degrees: float | None) -> PoseError | None:
+    if millimetres is None or degrees is None:
+        return None
+    return PoseError(millimetres, degrees)
+
+
+def _per_metre(millimetres: float | None, row: PhotoRow) -> float:
+    if millimetres is None or row.reach_m is None:
+        return float("inf")
+    return millimetres / row.reach_m
+
+
+def _text(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
