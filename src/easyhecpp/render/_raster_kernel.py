@@ -22,6 +22,10 @@ I64 = NDArray[np.int64]
 LINES = 4
 """Sample lines per pixel row."""
 
+COVERED = 0.75
+"""A contour sample where more of the pixel is covered does not lie on the outline, where one half
+is; a little more in a concave corner."""
+
 _UNITS_PER_PX = float(1 << 25)
 _FAR_PX = 16000.0
 
@@ -251,7 +255,9 @@ def sample_outer_contour(
     """Walk the contour segments and keep samples, ``spacing`` apart, with nothing just outside.
 
     "Outside" is ``clearance`` pixels along the outward normal, where the coverage must be under
-    one half; samples within ``clearance`` of the image's edge are left out.
+    one half; at the sample itself it must be under ``COVERED``: an edge that runs just inside of
+    the silhouette is none of its outline. Samples within ``clearance`` of the image's edge are left
+    out.
 
     Returns:
         The number of samples; like the segments it counts on beyond the capacity.
@@ -291,7 +297,7 @@ def sample_outer_contour(
                 or max(y, yo) > height - 1.0 - clearance
             ):
                 continue
-            if _bilinear(coverage, xo, yo) > 0.5:
+            if _bilinear(coverage, xo, yo) > 0.5 or _bilinear(coverage, x, y) > COVERED:
                 continue
             if count < points.shape[0]:
                 za, zb = ends[s, 2], ends[s, 5]
