@@ -9,18 +9,16 @@ import pytest
 
 from easyhecpp.bench.metrics import PoseError, chi_square
 from easyhecpp.bench.trust_scenes import build_case
-from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import exp_se3, inverse
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.session.verdict import judge
 from easyhecpp.solve.consistency import Findings, solve_consistent
 from easyhecpp.solve.joint_jacobians import joint_jacobians
-from easyhecpp.solve.nuisance import NuisanceConfig, refine_nuisances, strains
+from easyhecpp.solve.nuisance import strains
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.types import PoseEstimate
 from easyhecpp.solve.workspace import point_sigma_mm
 
-pytest.importorskip("yourdfpy")
 START = np.array([0.01, -0.01, 0.01, 0.008, -0.006, 0.005])
 
 
@@ -128,34 +126,6 @@ def test_wrong_focal_length_strains_the_residuals(good, good_answer):
     verdict = judge(estimate, findings, good.rig, wrong)
     assert verdict.verdict != "ok"
     assert any("intrinsics" in reason for reason in verdict.reasons)
-
-
-def test_focal_length_can_be_refined(good, good_answer):
-    wrong = replace(good.camera, fx=1.02 * good.camera.fx, fy=1.02 * good.camera.fy)
-    estimate, _ = solve_consistent(
-        good.rig, wrong, good.observations, good.T_mount_cam @ exp_se3(START)
-    )
-    refined = refine_nuisances(
-        good.rig, wrong, good.observations, estimate.T_mount_cam, NuisanceConfig(focal=True)
-    )
-    assert abs(refined.camera.fx / good.camera.fx - 1.0) < 0.012
-
-
-def test_refining_the_first_joint_is_refused_with_the_reason(good, good_answer):
-    first = good.rig.robot.joint_names[0]
-    with pytest.raises(CalibrationError, match=f"cannot tell {first}"):
-        refine_nuisances(
-            good.rig, good.camera, good.observations, good_answer[0].T_mount_cam,
-            NuisanceConfig(joint_zeros=(first,)),
-        )  # fmt: skip
-
-
-def test_refining_what_the_robot_lacks_is_refused(good):
-    with pytest.raises(InputError, match="no joint elbow"):
-        refine_nuisances(
-            good.rig, good.camera, good.observations, good.T_mount_cam,
-            NuisanceConfig(joint_zeros=("elbow",)),
-        )  # fmt: skip
 
 
 def test_point_sigma_agrees_with_sampling():

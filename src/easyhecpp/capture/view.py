@@ -77,6 +77,10 @@ class View:
         ]
         return f"View('{self.id}', {len(self.joints)} joints, {' + '.join(parts) or 'no pictures'})"
 
+    def with_joints(self, joints: ArrayLike) -> View:
+        """The same pictures, said to belong to other joint positions (n,), radians and metres."""
+        return View(self.id, joints, self._image, self._mask, self._depth)
+
     @property
     def image(self) -> NDArray[np.uint8] | None:
         """The picture ``(H, W, 3)`` uint8 RGB, if there is one."""

@@ -17,7 +17,8 @@ from easyhecpp.formats._checks import (
     quaternion_problems,
     rigid_problems,
 )
-from easyhecpp.geometry import hat, inverse, quat_wxyz_from_matrix
+from easyhecpp.geometry import inverse, quat_wxyz_from_matrix
+from easyhecpp.solve.workspace import point_sigma_mm
 
 Array = NDArray[np.float64]
 
@@ -129,9 +130,7 @@ class Sigma(Block):
         if workspace_point is not None:
             point = tuple(float(value) for value in workspace_point)
             p_cam = (inverse(T_mount_cam) @ np.append(point, 1.0))[:3]
-            # A camera-fixed point p moves by v + w x p in the mount, up to a rotation.
-            J = np.hstack([np.eye(3), -hat(p_cam)])
-            workspace_mm = 1e3 * float(np.sqrt(np.trace(J @ C @ J.T)))
+            workspace_mm = point_sigma_mm(C, p_cam)
         return cls(
             position_mm=1e3 * float(np.sqrt(np.trace(C[:3, :3]))),
             rotation_deg=float(np.degrees(np.sqrt(np.trace(C[3:, 3:])))),
@@ -182,6 +181,15 @@ class RobotBlock(Block):
     name: str
     base_link: str = Field(min_length=1)
     ee_link: str | None = None
+
+
+class RefinedParameter(Block):
+    """A parameter that was refined together with the pose, on the user's wish."""
+
+    name: str = Field(min_length=1)
+    correction: FiniteFloat
+    sigma: NonNegative
+    unit: Literal["relative", "px", "rad or m"]
 
 
 class ViewResult(Block):

@@ -29,6 +29,7 @@ from easyhecpp.formats.result_blocks import (
     CameraBlock,
     Covariance,
     NonNegative,
+    RefinedParameter,
     RobotBlock,
     Sigma,
     Transform,
@@ -43,6 +44,7 @@ __all__ = [
     "CameraBlock",
     "Covariance",
     "Package",
+    "RefinedParameter",
     "ResultFile",
     "RobotBlock",
     "Sigma",
@@ -82,6 +84,7 @@ class ResultFile(Block):
     sigma: Sigma | None = None
     camera: CameraBlock
     robot: RobotBlock
+    refined: tuple[RefinedParameter, ...] = ()
     views: tuple[ViewResult, ...] = ()
     timings_s: dict[str, NonNegative] = Field(default_factory=dict)
     config: dict[str, Any] = Field(default_factory=dict)
@@ -99,6 +102,7 @@ class ResultFile(Block):
         workspace_point: Sequence[float] | None = None,
         reasons: Sequence[str] = (),
         views: Sequence[ViewResult] = (),
+        refined: Sequence[RefinedParameter] = (),
         segmenter: str | None = None,
         command: str | None = None,
         timings_s: Mapping[str, float] | None = None,
@@ -117,6 +121,7 @@ class ResultFile(Block):
             workspace_point: Point in the mount's frame at which to state the uncertainty, metres.
             reasons: Sentences behind the verdict.
             views: One entry a view.
+            refined: Intrinsics and joint zeros that were refined with the pose.
             segmenter: Where the masks came from.
             command: The exact command line.
             timings_s: Seconds by stage.
@@ -151,6 +156,7 @@ class ResultFile(Block):
                 else Sigma.from_covariance(T, C, workspace_point),
                 camera=CameraBlock.from_camera(camera),
                 robot=robot,
+                refined=tuple(refined),
                 views=tuple(views),
                 timings_s=dict(timings_s or {}),
                 config=plain(config) if config is not None else {},

@@ -10,18 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.capture import Capture
-from easyhecpp.formats.result_blocks import RobotBlock, ViewResult
+from easyhecpp.formats.result_blocks import RefinedParameter, RobotBlock, ViewResult
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
 from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.masks import ChosenSource, choose_source
 from easyhecpp.session.outcome import Outcome
+from easyhecpp.session.refinement import refine
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings
+from easyhecpp.solve.nuisance import Strain, read_priors
 
 F64 = NDArray[np.float64]
+
+_UNITS: dict[str, Literal["relative", "px"]] = {"focal": "relative", "cx": "px", "cy": "px"}
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ class CalibrationConfig:
         text_weights: Folder or hub name in place of the text model's own weights.
         box_weights: The same for the box model.
         device: Where pretrained models run; None lets them choose.
+        refine: Intrinsics and joint zeros to refine with the pose, see
+            `easyhecpp.solve.nuisance.read_priors`; none unless asked for.
         solve: Settings of the pose optimisation.
     """
 
@@ -45,6 +51,7 @@ class CalibrationConfig:
     text_weights: str | None = None
     box_weights: str | None = None
     device: str | None = None
+    refine: tuple[str, ...] = ()
     solve: SolveConfig = field(default_factory=SolveConfig)
 
 
@@ -54,7 +61,7 @@ class Calibration:
 
     Attributes:
         result: Everything that is written to ``result.json``.
-        capture: What it was computed from.
+        capture: What it was computed from, with refined intrinsics and joints if any were.
         estimate: The optimiser's own account.
         findings: How the views agree.
         masks: The masks used, by view id.
@@ -100,6 +107,7 @@ def calibrate(
     if not isinstance(capture, Capture):
         with stages.stage("load", "reading the capture"):
             capture = Capture.load(capture)
+    read_priors(config.refine, capture.robot.joint_names)  # misspelt: say it before any work
     with stages.stage("masks", "choosing where masks come from"):
         chosen = choose_source(
             config.segmenter,
@@ -114,8 +122,12 @@ def calibrate(
         outcome = calibrate_from_masks(
             capture, chosen, stages, first_pose=config.first_pose, config=config.solve
         )
-        if config.edges:
-            outcome = refine_on_edges(capture, outcome, stages)
+    refined = refine(capture, outcome, config.refine, stages, config.solve)
+    capture, outcome = refined.capture, refined.outcome
+    # The classical way ends with the edges itself, unless its pose was changed since.
+    if config.edges and (chosen.source is not None or refined.corrections):
+        outcome = refine_on_edges(capture, outcome, stages)
+    outcome = refined.with_doubt(outcome)
     verdict = judge(
         outcome.estimate,
         outcome.findings,
@@ -125,7 +137,9 @@ def calibrate(
         doubts=outcome.doubts,
     )
     return Calibration(
-        result=_result(capture, config, chosen, outcome, verdict, stages, command),
+        result=_result(
+            capture, config, chosen, outcome, verdict, stages, command, refined.corrections
+        ),
         capture=capture,
         estimate=outcome.estimate,
         findings=outcome.findings,
@@ -150,6 +164,7 @@ def _result(
     verdict: Verdict,
     stages: Stages,
     command: str | None,
+    corrections: tuple[Strain, ...],
 ) -> ResultFile:
     estimate = outcome.estimate
     middle = estimate.T_mount_cam @ np.append(estimate.centre_cam, 1.0)
@@ -173,6 +188,15 @@ def _result(
                 flags=tuple(dict.fromkeys((*v.flags, *flags.get(v.id, ())))),
             )
             for v in estimate.views
+        ],
+        refined=[
+            RefinedParameter(
+                name=c.name,
+                correction=c.value,
+                sigma=c.sigma,
+                unit=_UNITS.get(c.name, "rad or m"),
+            )
+            for c in corrections
         ],
         segmenter=chosen.name,
         command=command,

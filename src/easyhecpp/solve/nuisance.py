@@ -8,7 +8,7 @@ the first joint and the base's yaw, for instance, leave nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError, InputError
-from easyhecpp.geometry import inverse, perturb_about
+from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
 from easyhecpp.rig import Rig
 from easyhecpp.solve.correlated import COVARIANCE_INFLATION
 from easyhecpp.solve.correlation import ContourPoints, average_samples, fit_noise
@@ -33,6 +33,15 @@ _SMOOTHING_PX = 1.2
 _POSE = 7
 _DILATION_INFORMATION = 4.0
 _ROUNDS = 4
+
+_LARGEST_SHARE = 1.0 / 3.0
+"""The data must know a parameter that much better than its prior. The outline of the base, say,
+which stands still, tells a turn of the first joint from one of the base, but barely: a cover that
+the meshes lack would outweigh it."""
+
+_PRIORS = {"focal": 0.03, "principal_point": 15.0}
+_JOINT_PRIOR = 0.01
+"""Standard deviations of what is refined without a number: relative, pixels, radians or metres."""
 
 
 @dataclass(frozen=True)
@@ -56,27 +65,6 @@ class Strain:
 
 
 @dataclass(frozen=True)
-class NuisanceConfig:
-    """What is refined besides the pose; nothing unless asked for.
-
-    Attributes:
-        joint_zeros: Names of joints whose zero may be off.
-        focal: Refine the focal length (both axes by one factor).
-        principal_point: Refine the principal point.
-        joint_prior: Standard deviation of a joint's zero, radians or metres.
-        focal_prior: Of the focal length, relative.
-        principal_prior_px: Of the principal point, pixels.
-    """
-
-    joint_zeros: tuple[str, ...] = ()
-    focal: bool = False
-    principal_point: bool = False
-    joint_prior: float = 0.01
-    focal_prior: float = 0.03
-    principal_prior_px: float = 15.0
-
-
-@dataclass(frozen=True)
 class Refinement:
     """Refined parameters.
 
@@ -85,12 +73,59 @@ class Refinement:
         camera: Refined intrinsics.
         joint_zeros: ``(n,)`` to be added to recorded joint values.
         corrections: Value and standard deviation of every refined parameter.
+        pose_covariance: ``(6, 6)`` that the doubt about these parameters adds to the covariance of
+            the tangent ``[v, w]`` in ``T_mount_cam @ exp([v, w])``.
     """
 
     T_mount_cam: F64
     camera: Camera
     joint_zeros: F64
     corrections: tuple[Strain, ...]
+    pose_covariance: F64
+
+
+def read_priors(words: Sequence[str], joint_names: Sequence[str]) -> dict[str, float]:
+    """What to refine, from words such as ``focal``, ``principal_point`` or ``joint4=0.02``.
+
+    Args:
+        words: Names, each with ``=`` and a standard deviation of its own or without: relative for
+            the focal length, pixels for the principal point, radians or metres for joints.
+        joint_names: Of the arm.
+
+    Returns:
+        Standard deviations by ``focal``, ``cx``, ``cy`` and joint name.
+
+    Raises:
+        InputError: A name that is neither, or no positive number after the ``=``.
+    """
+    priors: dict[str, float] = {}
+    for word in words:
+        name, equals, number = word.partition("=")
+        if name not in _PRIORS and name not in joint_names:
+            raise InputError(
+                f"'{name}' cannot be refined",
+                where="refine",
+                expected=f"some of {', '.join((*_PRIORS, *joint_names))}",
+            )
+        default = _PRIORS.get(name, _JOINT_PRIOR)
+        sigma = _positive(number, word) if equals else default
+        for parameter in ("cx", "cy") if name == "principal_point" else (name,):
+            priors[parameter] = sigma
+    return priors
+
+
+def _positive(number: str, word: str) -> float:
+    try:
+        value = float(number)
+    except ValueError:
+        value = float("nan")
+    if not (np.isfinite(value) and value > 0.0):
+        raise InputError(
+            f"'{word}' does not say how far off the parameter may be",
+            where="refine",
+            expected="a number above 0 after the '=', for instance focal=0.02",
+        )
+    return value
 
 
 def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[Strain, ...]:
@@ -120,7 +155,7 @@ def refine_nuisances(
     camera: Camera,
     observations: Sequence[Observation],
     T_mount_cam: F64,
-    config: NuisanceConfig,
+    priors: Mapping[str, float],
 ) -> Refinement:
     """Refine pose, intrinsics and joint zeros together.
 
@@ -129,21 +164,22 @@ def refine_nuisances(
         camera: Intrinsics.
         observations: The views.
         T_mount_cam: ``(4, 4)`` the solution without them.
-        config: What to refine.
+        priors: What to refine, and the standard deviation that it is expected to be off by, see
+            `read_priors`.
 
     Raises:
-        InputError: Nothing is asked for, or a joint that the robot does not have.
         CalibrationError: The data cannot tell a parameter from the pose or from the others.
     """
-    chosen, prior = _chosen(rig, config)
-    names = [_names(rig)[k - _POSE] for k in chosen]
-    zeros = np.zeros(rig.robot.n_joints)
+    names = [name for name in _names(rig) if name in priors]
+    chosen = np.array([_names(rig).index(name) for name in names], np.int64) + _POSE
+    prior = np.array([priors[name] for name in names])
+    refined, zeros = camera, np.zeros(rig.robot.n_joints)
     total = np.zeros(len(chosen))
     T = inverse(np.asarray(T_mount_cam, np.float64))
-    covariance = np.zeros((len(chosen), len(chosen)))
+    covariance, added = np.zeros((len(chosen), len(chosen))), np.zeros((6, 6))
     for step in range(_ROUNDS):
         moved = [replace(o, joints=o.joints + zeros) for o in observations]
-        problem = PoseProblem(rig, camera, moved)
+        problem = PoseProblem(rig, refined, moved)
         N, b = _joint_normal_equations(problem, T)
         if step == 0:
             _refuse_unknowable(N, b, chosen, prior, names)
@@ -153,51 +189,34 @@ def refine_nuisances(
         H[_POSE:, _POSE:] += np.diag(1.0 / prior**2)
         g[_POSE:] -= total / prior**2
         solved = np.linalg.solve(H, g)
-        covariance = COVARIANCE_INFLATION * np.linalg.inv(H)[_POSE:, _POSE:]
-        T = perturb_about(T, problem.centre_cam(T), solved[:6])
-        change = solved[_POSE:]
-        total = total + change
-        camera, zeros = _applied(rig, camera, zeros, names, change)
+        whole = COVARIANCE_INFLATION * np.linalg.inv(H)
+        covariance = whole[_POSE:, _POSE:]
+        known = COVARIANCE_INFLATION * np.linalg.inv(H[:_POSE, :_POSE])
+        centre = problem.centre_cam(T)
+        added = pose_covariance_from_centred(whole[:6, :6] - known[:6, :6], centre)
+        T = perturb_about(T, centre, solved[:6])
+        total = total + solved[_POSE:]
+        refined, zeros = _corrected(rig, camera, names, total)
     sigma = np.sqrt(np.diag(covariance))
     corrections = tuple(
         Strain(n, float(v), float(s)) for n, v, s in zip(names, total, sigma, strict=True)
     )
-    return Refinement(inverse(T), camera, zeros, corrections)
+    return Refinement(inverse(T), refined, zeros, corrections, added)
 
 
 def _names(rig: Rig) -> tuple[str, ...]:
     return ("focal", "cx", "cy", *rig.robot.joint_names)
 
 
-def _chosen(rig: Rig, config: NuisanceConfig) -> tuple[NDArray[np.int64], F64]:
-    names = _names(rig)
-    unknown = [n for n in config.joint_zeros if n not in rig.robot.joint_names]
-    if unknown:
-        raise InputError(
-            f"The robot has no joint {', '.join(unknown)}",
-            where="joint_zeros",
-            expected=f"some of {', '.join(rig.robot.joint_names)}",
-        )
-    wanted: dict[str, float] = dict.fromkeys(config.joint_zeros, config.joint_prior)
-    if config.focal:
-        wanted["focal"] = config.focal_prior
-    if config.principal_point:
-        wanted["cx"] = wanted["cy"] = config.principal_prior_px
-    if not wanted:
-        raise InputError("Nothing is to be refined", expected="joint zeros, focal length or centre")
-    chosen = [k for k, name in enumerate(names) if name in wanted]
-    return np.array(chosen, np.int64) + _POSE, np.array([wanted[names[k]] for k in chosen])
-
-
 def _refuse_unknowable(
     N: F64, b: F64, chosen: NDArray[np.int64], prior: F64, names: Sequence[str]
 ) -> None:
-    """Raise unless the data, pose free, know every parameter better than its prior does."""
+    """Raise unless the data, pose free, know every parameter much better than its prior."""
     left, _ = _without_pose(N, b, chosen)
     # Other parameters may be as wrong as their priors allow.
     left = left + np.diag(1e-3 / prior**2)
     sigma = np.sqrt(COVARIANCE_INFLATION * np.diag(np.linalg.inv(left)))
-    unknowable = [n for n, s, p in zip(names, sigma, prior, strict=True) if s > p]
+    unknowable = [n for n, s, p in zip(names, sigma, prior, strict=True) if s > _LARGEST_SHARE * p]
     if unknowable:
         raise CalibrationError(
             f"These views cannot tell {', '.join(unknowable)} from the camera's pose or from the "
@@ -207,10 +226,9 @@ def _refuse_unknowable(
         )
 
 
-def _applied(
-    rig: Rig, camera: Camera, zeros: F64, names: Sequence[str], change: F64
-) -> tuple[Camera, F64]:
-    by_name = dict(zip(names, change, strict=True))
+def _corrected(rig: Rig, camera: Camera, names: Sequence[str], total: F64) -> tuple[Camera, F64]:
+    """The stated intrinsics with the corrections, and the joint zeros ``(n,)``."""
+    by_name = dict(zip(names, total, strict=True))
     factor = 1.0 + by_name.get("focal", 0.0)
     camera = replace(
         camera,
@@ -219,7 +237,7 @@ def _applied(
         cx=camera.cx + by_name.get("cx", 0.0),
         cy=camera.cy + by_name.get("cy", 0.0),
     )
-    return camera, zeros + np.array([by_name.get(n, 0.0) for n in rig.robot.joint_names])
+    return camera, np.array([by_name.get(n, 0.0) for n in rig.robot.joint_names])
 
 
 def _without_pose(N: F64, b: F64, chosen: NDArray[np.int64]) -> tuple[F64, F64]:

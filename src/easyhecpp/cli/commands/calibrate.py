@@ -52,6 +52,11 @@ class Calibrate:
     device: str | None = None
     """Where pretrained models run: cpu, cuda, mps."""
 
+    refine: tuple[str, ...] = ()
+    """Refine with the pose what may be off: focal, principal_point, names of joints (their zeros).
+    Each may carry how far off it may be, as in focal=0.02 joint4=0.005: relative, pixels, radians
+    or metres. Refused where the views cannot tell it from the pose."""
+
     strict: bool = False
     """Exit with 3 when the result is doubtful."""
 
@@ -99,6 +104,7 @@ class Calibrate:
             text_weights=self.text_weights,
             box_weights=self.box_weights,
             device=self.device,
+            refine=self.refine,
         )
 
 
@@ -117,6 +123,11 @@ def _summarise(result: ResultFile, notes: tuple[str, ...], out: Path) -> None:
         say(
             f"  sigma        {sigma.position_mm:.2f} mm, {sigma.rotation_deg:.3f} deg at the camera"
             + ("" if sigma.workspace_mm is None else f"; {sigma.workspace_mm:.2f} mm at the arm")
+        )
+    for parameter in result.refined:
+        say(
+            f"  refined      {parameter.name} by {parameter.correction:+.5g} "
+            f"(sigma {parameter.sigma:.2g}, {parameter.unit})"
         )
     seconds = sum((result.timings_s or {}).values())
     say(f"{len(result.views)} views, {seconds:.1f} s. Written to {out}/")
