@@ -108,6 +108,29 @@ def _step_of(crossing: int, weights: I32) -> int:
 
 
 @jit
+def line_spans(start: I32, found: I64, weights: I32, line: int, width: int, ends: F64) -> int:
+    """Write begin and end (pixels, from the image's left edge) of a line's covered spans.
+
+    Returns:
+        How many numbers were written to ``ends``; as many as the line has crossings suffice.
+    """
+    count, layers = 0, 0
+    left = 0.0
+    for i in range(start[line], start[line + 1]):
+        before = layers
+        layers += _step_of(found[i], weights)
+        if before <= 0 and layers > 0:
+            left = _x_of(found[i])
+        elif before > 0 and layers <= 0:
+            a = min(max(left + 0.5, 0.0), float(width))
+            b = min(max(_x_of(found[i]) + 0.5, 0.0), float(width))
+            if b > a:
+                ends[count], ends[count + 1] = a, b
+                count += 2
+    return count
+
+
+@jit
 def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
     """Add the covered spans of every sample line to ``out`` ``(H, W)``, which must be zero."""
     height, width = out.shape
