@@ -152,7 +152,7 @@ class Cell:
         Raises:
             InputError: such poses are too rare.
         """
-        return self._sampler.draw(count, rng)
+        return self.poses.draw(count, rng)
 
     def capture(
         self,
@@ -254,7 +254,8 @@ class Cell:
         return len(self._still)
 
     @cached_property
-    def _sampler(self) -> PoseSampler:
+    def poses(self) -> PoseSampler:
+        """Draws joint poses that make sense here, and knows which do not."""
         boxes = [
             (prop.surface.vertices.min(axis=0), prop.surface.vertices.max(axis=0))
             for prop in self.surroundings.props

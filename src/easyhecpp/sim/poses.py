@@ -57,7 +57,7 @@ class PoseSampler:
         for _ in range(_BATCHES):
             poses = surface.draw_poses(_BATCH, rng)
             poses = poses[self._seen_enough(surface, poses)]
-            poses = poses[self._is_free(surface, poses)]
+            poses = poses[self.is_free(poses)]
             for pose in poses:
                 if not surface.collides(pose) and not self._is_blocked(pose):
                     good.append(pose)
@@ -69,6 +69,16 @@ class PoseSampler:
             expected="a camera that looks at the arm",
             fix="Draw another cell, or give the joint poses yourself.",
         )
+
+    def is_free(self, poses: F64) -> NDArray[np.bool_]:
+        """Which of the poses (N, n) keep what moves above the floor and out of the obstacles."""
+        surface = ArmSurface.of(self.rig.robot)
+        points = surface.in_base(poses)[:, surface.moves]
+        free = np.asarray((points[..., 2] > self.floor_z + _GAP).all(axis=-1))
+        for low, high in self.obstacles:
+            inside = ((points > low - _GAP) & (points < high + _GAP)).all(axis=-1)
+            free &= ~inside.any(axis=-1)
+        return free
 
     def _seen_enough(self, surface: ArmSurface, poses: F64) -> NDArray[np.bool_]:
         T_base_mount = self.rig.robot.frame_pose(poses, self.rig.mount)
@@ -94,15 +104,6 @@ class PoseSampler:
     def _small(self) -> SilhouetteRenderer:
         small = self.camera.scaled(64 / self.camera.width)
         return SilhouetteRenderer(self.rig.robot.meshes, small)
-
-    def _is_free(self, surface: ArmSurface, poses: F64) -> NDArray[np.bool_]:
-        points = surface.in_base(poses)
-        points = points[:, surface.moves]
-        free = np.asarray((points[..., 2] > self.floor_z + _GAP).all(axis=-1))
-        for low, high in self.obstacles:
-            inside = ((points > low - _GAP) & (points < high + _GAP)).all(axis=-1)
-            free &= ~inside.any(axis=-1)
-        return free
 
 
 def gap_between(first: F64, second: F64) -> float:

@@ -24,7 +24,7 @@ def random_cell(robot: Robot | str, rng: np.random.Generator, options: CellOptio
     """Draw a cell; see `easyhecpp.sim.cell.Cell.random`."""
     model, on_floor, ee_link = _resolve(robot, options)
     rig = Rig(model, options.setup, ee_link)
-    stand_z = _stand_z(model, on_floor)
+    stand_z = stand_height(model, on_floor=on_floor)
     camera = random_camera(rng, options.width, options.height, options.distortion)
     T_mount_cam = _camera_pose(rng, rig, stand_z, options)
     plan = _room_plan(rng, rig, stand_z, on_floor, T_mount_cam, options)
@@ -58,7 +58,7 @@ def _resolve(robot: Robot | str, options: CellOptions) -> tuple[Robot, bool, str
     return robot, lowest < -0.5, options.ee_link
 
 
-def _stand_z(robot: Robot, on_floor: bool) -> float:
+def stand_height(robot: Robot, *, on_floor: bool = False) -> float:
     """Height of the base's underside: of the first link, or of all links on a stand."""
     poses = robot.link_poses(robot.neutral)
     lowest = [

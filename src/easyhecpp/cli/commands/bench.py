@@ -10,6 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from easyhecpp.cli.commands.bench_pictures import BenchPhoto
+from easyhecpp.cli.commands.bench_tables import BenchEyeToHand
 from easyhecpp.cli.output import complain, progress
 from easyhecpp.cli.publish import publish
 from easyhecpp.errors import InputError
@@ -147,6 +148,7 @@ Choice = (
     | Annotated[BenchTrust, tyro.conf.subcommand("trust")]
     | Annotated[BenchPrompts, tyro.conf.subcommand("prompts")]
     | Annotated[BenchPhoto, tyro.conf.subcommand("photo")]
+    | Annotated[BenchEyeToHand, tyro.conf.subcommand("eye-to-hand")]
 )
 
 
