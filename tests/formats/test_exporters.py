@@ -76,7 +76,7 @@ def assert_same_pose(found: np.ndarray, T: np.ndarray) -> None:
 @pytest.mark.parametrize("consumer", CONSUMERS, ids=str)
 def test_round_trip(consumer: Consumer, tmp_path: Path) -> None:
     if consumer.needs is not None:
-        pytest.importorskip(consumer.needs)
+        pytest.importorskip(consumer.needs, reason=f"{consumer.needs} reads what is checked here")
     for T in poses():
         path, *_ = export(make_result(T), consumer.target, tmp_path, **options(consumer.target))
         parent, child, found = consumer.read(path)
@@ -91,7 +91,7 @@ def test_round_trip(consumer: Consumer, tmp_path: Path) -> None:
 )
 def test_round_trip_on_the_arm(consumer: Consumer, tmp_path: Path) -> None:
     if consumer.needs is not None:
-        pytest.importorskip(consumer.needs)
+        pytest.importorskip(consumer.needs, reason=f"{consumer.needs} reads what is checked here")
     T = poses()[1]
     path, *_ = export(make_result(T, setup="eye-in-hand"), consumer.target, tmp_path)
     parent, child, found = consumer.read(path)
@@ -130,7 +130,7 @@ AWKWARD = 'cam\'1 "<&>" $HOME é/link'
 )
 def test_awkward_frame_names_survive(consumer: Consumer, tmp_path: Path) -> None:
     if consumer.needs is not None:
-        pytest.importorskip(consumer.needs)
+        pytest.importorskip(consumer.needs, reason=f"{consumer.needs} reads what is checked here")
     camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, frame=AWKWARD)
     robot = RobotBlock(name="arm", base_link="base 'x'", ee_link="tool")
     result = make_result(camera=camera, robot=robot)
@@ -232,7 +232,9 @@ class TestIntrinsics:
     )
 
     def test_mujoco(self, tmp_path: Path) -> None:
-        mujoco = pytest.importorskip("mujoco", minversion="3.6")
+        mujoco = pytest.importorskip(
+            "mujoco", minversion="3.6", reason="MuJoCo reads what is checked here"
+        )
         path, *_ = export(make_result(), "mujoco", tmp_path)
         model = consumers.mujoco_model(path)
         data = mujoco.MjData(model)
@@ -253,7 +255,7 @@ class TestIntrinsics:
         assert tuple(model.cam_resolution[0]) == (CAMERA.width, CAMERA.height)
 
     def test_usd(self, tmp_path: Path) -> None:
-        pytest.importorskip("pxr")
+        pytest.importorskip("pxr", reason="OpenUSD reads what is checked here")
         from pxr import Gf
 
         path, *_ = export(make_result(), "usd", tmp_path)
@@ -323,7 +325,9 @@ class TestCameraLink:
         self, consumer: Consumer, tmp_path: Path
     ) -> None:
         if consumer.needs is not None:
-            pytest.importorskip(consumer.needs)
+            pytest.importorskip(
+                consumer.needs, reason=f"{consumer.needs} reads what is checked here"
+            )
         for T in poses():
             path, *_ = export(
                 make_result(T),

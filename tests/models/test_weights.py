@@ -191,7 +191,7 @@ def test_folders_that_are_no_checkpoint(tmp_path, tiny, cache):
 
 
 def test_a_torn_checkpoint_is_not_run_with_random_numbers(tiny, tmp_path):
-    safetensors = pytest.importorskip("safetensors.torch")
+    safetensors = pytest.importorskip("safetensors.torch", reason="needs the extra 'models'")
     folder = tmp_path / "sam"
     shutil.copytree(tiny("sam"), folder)
     file = folder / "model.safetensors"
@@ -242,7 +242,7 @@ def test_a_missing_extra_is_said_with_its_pip_line(tiny, monkeypatch, package):
 
 def test_a_transformers_too_old_for_the_model_is_said(tiny):
     folder = tiny("sam")
-    transformers = pytest.importorskip("transformers")
+    transformers = pytest.importorskip("transformers", reason="needs the extra 'models'")
     family = replace(SAM, class_name="Sam9Model")
     with pytest.raises(InputError) as caught:
         PromptedSegmenter(family, folder)
