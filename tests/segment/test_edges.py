@@ -9,7 +9,7 @@ from scenes_small import photographed
 from easyhecpp.geometry import inverse, perturb_about, pose_error
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
 from easyhecpp.segment.backgrounds import Backgrounds
-from easyhecpp.segment.edge_fit import between_views, joint_twists
+from easyhecpp.segment.edge_fit import joint_twists
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edges import refine_edges
 from easyhecpp.segment.scene import Scene
@@ -135,20 +135,6 @@ def test_joint_twists_are_the_derivative_of_the_links():
             T @ scene.Ts_mount_link[1, link], scene.centre_cam(T), step * twists[1, 2, link]
         )
         np.testing.assert_allclose(moved, expected, atol=1e-5)
-
-
-def test_views_that_contradict_each_other_widen_the_error_bar():
-    rng = np.random.default_rng(0)
-    information = np.stack([np.eye(7) * 100.0] * 8)
-    N = information.sum(axis=0)
-    agreeing = rng.normal(size=(8, 7)) * 10.0
-    solution = np.linalg.solve(N, agreeing.sum(axis=0))
-    usual = between_views(N, information, agreeing, solution)
-    assert (np.diag(usual) > 0.99 / 800.0).all()
-    assert (np.diag(usual) < 2.5 / 800.0).all()
-    fighting = agreeing * 10.0
-    solution = np.linalg.solve(N, fighting.sum(axis=0))
-    assert np.trace(between_views(N, information, fighting, solution)) > 10.0 * np.trace(usual)
 
 
 def _start(case, delta):

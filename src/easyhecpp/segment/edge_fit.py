@@ -22,6 +22,7 @@ from easyhecpp.render import Contour
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
 from easyhecpp.segment.scene import Scene
+from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
 from easyhecpp.solve.evidence import Evidence
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
@@ -354,30 +355,3 @@ def _information(
 
     parts = parallel_map(one, range(len(views)))
     return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])
-
-
-def between_views(N: F64, information: F64, vectors: F64, solution: F64) -> F64:
-    """Covariance ``(7, 7)`` that honours how much the views contradict each other.
-
-    The noise along a contour says nothing of errors that a whole view or link shares: joints a
-    fraction of a degree off, a clock out of step, a lens not quite as stated. They show in that
-    the views pull the common pose apart. Along each direction the spread of the views' pulls is
-    compared with what the noise model expects (White's sandwich), drawn towards the expectation
-    as if six more views had agreed with it, and never taken below it.
-
-    Args:
-        N: ``(7, 7)`` the information of all, with the prior.
-        information: ``(V, 7, 7)`` and ``vectors`` ``(V, 7)`` of the views.
-        solution: ``(7,)`` the solution of all.
-    """
-    inverse_N = np.linalg.inv(N)
-    used = np.einsum("vii->v", information) > 0
-    n = int(np.count_nonzero(used))
-    if n < 3:
-        return np.asarray(inverse_N, np.float64)
-    root = np.linalg.cholesky(0.5 * (inverse_N + inverse_N.T))
-    pulls = (vectors - information @ solution)[used] @ root
-    # Whitened: the sum of the pulls' squares is the identity where the noise model is right.
-    spread = pulls.T @ pulls * (n / (n - 1.0))
-    values, axes = np.linalg.eigh((n * spread + 6.0 * np.eye(7)) / (n + 6.0))
-    return (root @ (axes * np.maximum(values, 1.0)) @ axes.T @ root.T).astype(np.float64)
