@@ -144,6 +144,7 @@ class SilhouetteRenderer:
         swapped = np.ascontiguousarray(seg.segments[: seg.count][:, [1, 0, 3, 2]])
         along_columns = crossings(seg.count, swapped, self.camera.width)
         centre = np.asarray(centre_cam, np.float64)
+        height, width = self.camera.height, self.camera.width
         found = []
         for (start, order), segments, weights, upright in (
             (along_rows, seg.segments, seg.weights, False),
@@ -152,7 +153,7 @@ class SilhouetteRenderer:
             pixels, rows = np.empty(len(order), np.int64), np.empty((len(order), 6))
             n = jacobian_entries(
                 start, order, segments, seg.ends, weights, centre, self._fc, self._model, self._k,
-                self._valid_radius, upright, *coverage.shape, pixels, rows,
+                self._valid_radius, upright, height, width, pixels, rows,
             )  # fmt: skip
             found.append((pixels[:n], rows[:n]))
         return (
