@@ -46,13 +46,13 @@ class BoxCheck:
     def collides(self, joints: F64) -> Bool:
         """Which of the poses ``(N, n)`` have links inside each other that usually are not."""
         joints = np.atleast_2d(joints)
-        return (self._intrusions(joints) & ~self._usual).any(axis=(1, 2))
+        return np.asarray((self._intrusions(joints) & ~self._usual).any(axis=(1, 2)))
 
     @cached_property
     def _usual(self) -> Bool:
         poses = draw_candidates(self._robot, 60, np.random.default_rng(0))
         often = self._intrusions(poses).mean(axis=0) > _USUAL
-        return often | self._intrusions(self._robot.neutral[None])[0]
+        return np.asarray(often | self._intrusions(self._robot.neutral[None])[0])
 
     def _intrusions(self, joints: F64) -> Bool:
         """``(N, L, L)``: whether link i's surface reaches into link j's box."""

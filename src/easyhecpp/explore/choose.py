@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from easyhecpp.camera import Camera
 from easyhecpp.errors import InputError
 from easyhecpp.explore.box_check import BoxCheck
-from easyhecpp.explore.candidates import draw_candidates
 from easyhecpp.explore.consistency import ConsistencyConfig, consistency_scores
 from easyhecpp.explore.feasible import Feasible, Limits
 from easyhecpp.explore.forecast import Forecast
@@ -150,9 +149,7 @@ def _by_information(
     for spread in _SPREADS:
         order = np.argsort(variances, kind="stable")[:_KEPT]
         best, variances = best[order], variances[order]
-        near = feasible.keep(
-            draw_candidates(feasible.rig.robot, _POLISH, rng, around=best, spread=spread)
-        )
+        near = feasible.draw_near(best, spread, _POLISH, rng)
         if len(near):
             best = np.concatenate([best, near])
             variances = np.concatenate([variances, forecast.position_variances(near)])

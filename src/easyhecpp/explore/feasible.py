@@ -8,23 +8,28 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
 from easyhecpp.errors import InputError
 from easyhecpp.explore.candidates import draw_candidates
+from easyhecpp.explore.floor import Floor, floor_height, lowest_points
 from easyhecpp.explore.protocols import CollisionChecker
 from easyhecpp.explore.surface import SurfacePoints
+from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig, rides_on_arm
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
 _BATCH, _BATCHES = 300, 20
+_SIMPLIFIED, _SEEN_WIDTH_PX = 0.012, 80
 
 COLLISION = "links would collide"
-LOW = "the arm would reach below the floor"
+LOW = "the arm would reach below its foot or the floor"
 OUT_OF_VIEW = "too little of the arm in the picture"
 NEAR = "the arm would come too close to the camera"
 SMALL = "the arm would be too small in the picture"
+HIDDEN = "its links would hide each other"
 REPEATED = "the arm would stand as in an earlier view"
 
 
@@ -38,18 +43,21 @@ class Limits:
         min_size_px: Least root of the area of the box round the arm, as a share of the root of
             the picture's area.
         min_distance: Least distance of the arm from a camera that stands beside it, as a share of
-            the reach.
+            the reach. Near arms tell most by the numbers, but make bad masks.
+        min_seen: Least area of the arm's silhouette as a share of the sum of its links' own, for a
+            camera beside it.
         min_change: Least movement of the arm's surface, root mean square, against earlier views,
             as a share of the reach.
-        floor: Lowest height that links which move may reach, metres in the base frame; None for
-            no floor.
+        floor: Lowest height that links which move may reach, metres in the base frame; ``foot``
+            for that of the links which do not move, None for no floor.
     """
 
     min_in_view: float | None = None
     min_size_px: float = 0.12
-    min_distance: float = 0.15
+    min_distance: float = 0.4
+    min_seen: float = 0.6
     min_change: float = 0.08
-    floor: float | None = None
+    floor: Floor = "foot"
 
 
 @dataclass
@@ -81,12 +89,20 @@ class Feasible:
         """
         found: list[F64] = []
         for _ in range(_BATCHES):
-            found.extend(self.keep(draw_candidates(self.rig.robot, _BATCH, rng)))
+            drawn = draw_candidates(self.rig.robot, _BATCH, rng, hold=self._hold)
+            found.extend(self.keep(drawn))
             if len(found) >= count:
                 break
         if not found:
             raise self._none_found()
         return np.stack(found[:count])
+
+    def draw_near(self, around: F64, spread: float, count: int, rng: np.random.Generator) -> F64:
+        """Up to ``count`` joint poses near those of ``around`` ``(k, n)``; may be none."""
+        robot, hold = self.rig.robot, self._hold
+        return self.keep(
+            draw_candidates(robot, count, rng, around=around, spread=spread, hold=hold)
+        )
 
     def keep(self, joints: F64) -> F64:
         """Those of the poses ``(N, n)`` that pass; the others are counted."""
@@ -104,15 +120,22 @@ class Feasible:
         keep &= self._count(keep, self._size(points) < self.limits.min_size_px, SMALL)
         joints = joints[keep]
         keep = np.ones(len(joints), bool)
-        if self.limits.floor is not None:
-            keep &= self._count(keep, self._lowest(joints) < self.limits.floor, LOW)
+        lowest = lowest_points(self.rig.robot, joints)
+        keep &= self._count(keep, lowest < floor_height(self.rig.robot, self.limits.floor), LOW)
         keep &= self._count(keep, self._change(joints) < self.limits.min_change, REPEATED)
         joints = joints[keep]
         if len(joints) == 0:
             return joints
-        hits = self.checker.collides(joints)
-        self._count(np.ones(len(joints), bool), hits, COLLISION)
-        return joints[~hits]
+        keep = self._count(np.ones(len(joints), bool), self.checker.collides(joints), COLLISION)
+        joints = joints[keep]
+        if beside and len(joints):
+            hidden = self._seen(joints) < self.limits.min_seen
+            joints = joints[self._count(np.ones(len(joints), bool), hidden, HIDDEN)]
+        return joints
+
+    @property
+    def _hold(self) -> F64 | None:
+        return self.earlier[-1] if len(self.earlier) else None
 
     def _count(self, among: Bool, bad: Bool, reason: str) -> Bool:
         """Count the bad ones among those that passed so far; returns who passes."""
@@ -129,13 +152,17 @@ class Feasible:
         sides = px.max(axis=1) - px.min(axis=1)
         return np.sqrt(sides.prod(axis=-1) / corner.prod())
 
-    def _lowest(self, joints: F64) -> F64:
-        """``(N,)`` lowest point of the links that move, metres in the base."""
-        surface, robot = SurfacePoints.of(self.rig.robot), self.rig.robot
-        moves = _moving_links(robot.link_poses(draw_candidates(robot, 8, np.random.default_rng(0))))
-        z = surface.placed(robot.link_poses(joints))[..., 2]
-        z = z.reshape(len(joints), len(moves), -1)[:, moves]
-        return z.reshape(len(joints), -1).min(axis=-1)
+    def _seen(self, joints: F64) -> F64:
+        """``(N,)`` area of the silhouette as a share of the sum of the links' own."""
+        robot = self.rig.robot.simplified(_SIMPLIFIED * self.rig.robot.reach)
+        reduction = max(1.0, max(self.camera.width, self.camera.height) / _SEEN_WIDTH_PX)
+        renderer = SilhouetteRenderer(robot.meshes, self.camera.scaled(1.0 / reduction))
+
+        def seen(Ts_cam_link: F64) -> float:
+            alone = renderer.link_coverage(Ts_cam_link)
+            return float(alone.max(axis=0).sum() / max(float(alone.sum()), 1e-9))
+
+        return np.array(parallel_map(seen, self.rig.Ts_cam_link(self.T_mount_cam, joints)))
 
     def _change(self, joints: F64) -> F64:
         """``(N,)`` root mean square movement against the nearest earlier view, by the reach."""
@@ -155,7 +182,3 @@ class Feasible:
             expected="a camera that sees most of the arm",
             fix="Check the camera's pose and intrinsics, or lower the share that must be in view",
         )
-
-
-def _moving_links(Ts_base_link: F64) -> Bool:
-    return np.ptp(Ts_base_link, axis=0).max(axis=(-1, -2)) > 1e-6

@@ -17,6 +17,7 @@ from easyhecpp.camera import Camera
 from easyhecpp.errors import InputError
 from easyhecpp.explore.box_check import BoxCheck
 from easyhecpp.explore.candidates import draw_candidates
+from easyhecpp.explore.floor import Floor, floor_height, lowest_points
 from easyhecpp.explore.information import ViewPredictor
 from easyhecpp.explore.protocols import CollisionChecker
 from easyhecpp.geometry import adjoint, inverse, look_at, transform_points, translation_matrix
@@ -30,6 +31,7 @@ DISTANCES_IN_REACHES = (0.93, 1.5)
 """Where the camera may be: seen from the arm's middle; 1.0 to 1.6 m for the xArm 7."""
 
 _CAMERAS, _FEW = 24, 6
+_BATCHES = 10
 _CANDIDATES, _SHORTLIST, _KEPT = 240, 24, 4
 _POLISH, _SPREADS = 16, (0.08, 0.03)
 _WORST_M = 0.05
@@ -43,6 +45,7 @@ def first_joint_poses(
     rng: np.random.Generator,
     *,
     checker: CollisionChecker | None = None,
+    floor: Floor = "foot",
 ) -> F64:
     """Joint poses that tell much, wherever the camera stands.
 
@@ -52,38 +55,57 @@ def first_joint_poses(
         count: How many; each is chosen as if the ones before had been taken.
         rng: Draws candidates.
         checker: Knows collisions; by default a rough test by the links' bounding boxes.
+        floor: What the arm stays above, see `Limits.floor`.
 
     Returns:
         ``(count, n)``, the best first.
 
     Raises:
-        InputError: Joint limits that mean nothing, or every joint pose collides.
+        InputError: Joint limits that mean nothing, or every joint pose drawn is forbidden.
     """
-    checker = checker or BoxCheck(robot)
-    drawn = _free(robot, checker, draw_candidates(robot, 2 * _CANDIDATES, rng))[:_CANDIDATES]
-    if len(drawn) == 0:
-        raise InputError(
-            f"All of {2 * _CANDIDATES} joint poses drawn within the limits collide",
-            where=f"robot {robot.name}",
-            expected="a robot most of whose joint poses are free",
-            fix="Check the meshes and limits of the URDF",
-        )
+    free = _Free(robot, checker or BoxCheck(robot), floor_height(robot, floor))
+    drawn = free.draw(_CANDIDATES, rng)
     everywhere = _Everywhere.of(robot, camera)
     chosen: list[F64] = []
     for _ in range(count):
-        best = _best(robot, checker, everywhere, drawn, rng)
+        best = _best(free, everywhere, drawn, rng)
         chosen.append(best)
         everywhere = everywhere.with_view(best)
     return np.stack(chosen)
 
 
-def _best(
-    robot: Robot,
-    checker: CollisionChecker,
-    everywhere: _Everywhere,
-    drawn: F64,
-    rng: np.random.Generator,
-) -> F64:
+@dataclass(frozen=True)
+class _Free:
+    """Joint poses that may be driven to."""
+
+    robot: Robot
+    checker: CollisionChecker
+    floor_z: float
+
+    def keep(self, joints: F64) -> F64:
+        """Those of ``(N, n)`` that neither collide nor reach below the floor."""
+        joints = joints[lowest_points(self.robot, joints) >= self.floor_z]
+        return joints[~self.checker.collides(joints)] if len(joints) else joints
+
+    def draw(self, count: int, rng: np.random.Generator) -> F64:
+        """Up to ``count`` joint poses."""
+        found = np.zeros((0, self.robot.n_joints))
+        for _ in range(_BATCHES):
+            found = np.concatenate([found, self.keep(draw_candidates(self.robot, count, rng))])
+            if len(found) >= count:
+                return found[:count]
+        if len(found) == 0:
+            raise InputError(
+                f"All of {_BATCHES * count} joint poses drawn within the limits collide, or reach "
+                f"below {self.floor_z:.3f} m",
+                where=f"robot {self.robot.name}",
+                expected="an arm with room to move above its foot",
+                fix="Check the meshes and limits of the URDF, or name a lower floor",
+            )
+        return found
+
+
+def _best(free: _Free, everywhere: _Everywhere, drawn: F64, rng: np.random.Generator) -> F64:
     # A few cameras tell which are worth a second look.
     few = everywhere.errors(drawn, _FEW)
     best = drawn[np.argsort(few, kind="stable")[:_SHORTLIST]]
@@ -91,16 +113,11 @@ def _best(
     for spread in _SPREADS:
         order = np.argsort(errors, kind="stable")[:_KEPT]
         best, errors = best[order], errors[order]
-        near = draw_candidates(robot, _POLISH, rng, around=best, spread=spread)
-        near = _free(robot, checker, near)
+        near = free.keep(draw_candidates(free.robot, _POLISH, rng, around=best, spread=spread))
         if len(near):
             best = np.concatenate([best, near])
             errors = np.concatenate([errors, everywhere.errors(near)])
     return best[int(np.argmin(errors))]
-
-
-def _free(robot: Robot, checker: CollisionChecker, joints: F64) -> F64:
-    return joints[~checker.collides(joints)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
+from scipy.linalg import cholesky, solve_triangular
 
 from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
+from easyhecpp.explore._covariance_kernel import correlated_errors
 from easyhecpp.geometry import inverse, transform_points
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
@@ -115,8 +116,8 @@ class ViewPredictor:
         )
         C = _covariance(points, normals, lengths, self.noise)
         A = self.noise.gain * np.column_stack([jacobians, np.ones(len(points))])
-        factor, _ = lapack.dpotrf(C, lower=1)
-        half, _ = lapack.dtrtrs(factor, A, lower=1)
+        factor = cholesky(C, lower=True, check_finite=False)
+        half = solve_triangular(factor, A, lower=True, check_finite=False)
         return half.T @ half
 
 
@@ -139,11 +140,9 @@ def _pieces(
 
 
 def _covariance(points: F64, normals: F64, lengths: F64, noise: ContourNoise) -> F64:
-    """Covariance ``(N, N)`` of the pieces' errors, px^2."""
-    difference = points[:, None] - points[None]
-    distance = np.sqrt(np.einsum("ijk,ijk->ij", difference, difference))
-    C = FLOOR_PX**2 * np.exp(-distance / FLOOR_LENGTH_PX)
-    own = np.full(len(points), 1e-6) + noise.nugget * CELL_PX / lengths
+    """Covariance ``(N, N)`` of the pieces' errors, px^2; lower triangle."""
+    variances, scales = [FLOOR_PX**2], [FLOOR_LENGTH_PX]
+    own = 1e-6 + noise.nugget * CELL_PX / lengths
     for variance, length in zip(noise.variances, LENGTHS_PX, strict=True):
         if variance <= 0.0:
             continue
@@ -152,7 +151,8 @@ def _covariance(points: F64, normals: F64, lengths: F64, noise: ContourNoise) ->
             r = lengths / length
             own += variance * 2.0 * (r - 1.0 + np.exp(-r)) / r**2
         else:
-            C += variance * np.exp(-distance / length)
-    C *= 0.5 * (1.0 + normals @ normals.T)
+            variances.append(variance)
+            scales.append(length)
+    C = correlated_errors(points, normals, np.array(variances), np.array(scales))
     C[np.diag_indices_from(C)] += own
     return C

@@ -52,7 +52,7 @@ class SurfacePoints:
         px = camera.project(points_cam)
         with np.errstate(invalid="ignore"):  # not a number behind the camera
             inside = (px > -0.5) & (px < np.array([camera.width, camera.height]) - 0.5)
-        return self.share_by_link(inside.all(axis=-1)) @ self.areas
+        return self.share_by_link(np.asarray(inside.all(axis=-1))) @ self.areas
 
 
 def _on_triangles(corners: F64, count: int, rng: np.random.Generator) -> F64:
