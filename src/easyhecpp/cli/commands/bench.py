@@ -10,6 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from easyhecpp.cli.commands.bench_pictures import BenchPhoto
+from easyhecpp.cli.commands.bench_recordings import BenchRepeat
 from easyhecpp.cli.commands.bench_tables import BenchEyeToHand
 from easyhecpp.cli.output import complain, progress
 from easyhecpp.cli.publish import publish
@@ -149,6 +150,7 @@ Choice = (
     | Annotated[BenchPrompts, tyro.conf.subcommand("prompts")]
     | Annotated[BenchPhoto, tyro.conf.subcommand("photo")]
     | Annotated[BenchEyeToHand, tyro.conf.subcommand("eye-to-hand")]
+    | Annotated[BenchRepeat, tyro.conf.subcommand("repeat")]
 )
 
 
