@@ -33,7 +33,7 @@ def blind() -> np.ndarray:
 
 @pytest.fixture
 def known_poses(blind: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(eye_to_hand, "_blind", lambda bench: blind)
+    monkeypatch.setattr(eye_to_hand, "blind_poses", lambda bench: blind)
 
 
 def test_masks_at_the_papers_overlap_lead_to_the_truth(blind: np.ndarray):
@@ -82,7 +82,7 @@ def test_every_step_counts_and_a_lost_camera_gets_blind_poses(
 
     monkeypatch.setattr(MaskStage, "look", look)
     monkeypatch.setattr(MaskStage, "estimate", lost)
-    steps = scene_steps(BENCH, 0)
+    steps = scene_steps(BENCH, blind, 0)
     assert [step.views for step in steps] == [1, 2, 3]
     assert [step.error for step in steps] == [None] * 3
     assert [step.status for step in steps] == ["lost"] * 3
@@ -93,7 +93,7 @@ def test_every_step_counts_and_a_lost_camera_gets_blind_poses(
 def test_scenes_are_resumed(known_poses: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     done: list[int] = []
 
-    def steps(bench: EyeToHandBench, scene: int) -> tuple[Step, ...]:
+    def steps(bench: EyeToHandBench, blind: np.ndarray, scene: int) -> tuple[Step, ...]:
         done.append(scene)
         return tuple(Step(scene, "random", n, 1.0 / n, 0.1 / n, 2.0) for n in (1, 2, 3))
 

@@ -11,7 +11,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,11 +23,17 @@ from easyhecpp.bench.metrics import ErrorSummary, PoseError, summarise
 from easyhecpp.bench.plots import curves_plot
 from easyhecpp.bench.published import EYE_TO_HAND
 from easyhecpp.bench.scenes_pool import RowFile, in_order
-from easyhecpp.bench.stages import MaskStage, PictureStage, PossiblePoses, Stage
+from easyhecpp.bench.stages import (
+    MaskStage,
+    PictureStage,
+    PossiblePoses,
+    Stage,
+    poses_for_any_camera,
+)
 from easyhecpp.bench.table import Cell as TableCell
 from easyhecpp.bench.table import Table, describe_machine, machine_sentence
 from easyhecpp.errors import EasyHecError, InputError
-from easyhecpp.explore import METHODS, ExploreConfig, Knowledge, choose_next, first_joint_poses
+from easyhecpp.explore import METHODS, ExploreConfig, Knowledge, choose_next
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import options_for
 from easyhecpp.sim.robots import load_robot
@@ -134,7 +140,7 @@ def run_eye_to_hand(
     missing = [k for k in range(bench.scenes) if k not in scenes]
     # The path tracer keeps memory of its own: processes are replaced now and then.
     renew = _RENEW_AFTER if bench.source == "images" else None
-    work = partial(scene_steps, bench)
+    work = partial(scene_steps, bench, blind_poses(bench))
     for k, steps in zip(missing, in_order(work, missing, workers, renew_after=renew), strict=True):
         scenes[k] = steps
         kept.append({"scene": k, "steps": [asdict(step) for step in steps]})
@@ -143,9 +149,24 @@ def run_eye_to_hand(
     return tuple(step for k in sorted(scenes) for step in scenes[k])
 
 
-def scene_steps(bench: EyeToHandBench, scene: int) -> tuple[Step, ...]:
-    """All steps of one scene, with every way of choosing; an error is a step without a pose."""
-    return tuple(step for method in bench.choose for step in _method_steps(bench, scene, method))
+def scene_steps(bench: EyeToHandBench, blind: F64, scene: int) -> tuple[Step, ...]:
+    """All steps of one scene, with every way of choosing; an error is a step without a pose.
+
+    Args:
+        bench: What is measured.
+        blind: See `blind_poses`.
+        scene: Number of the scene.
+    """
+    steps: list[Step] = []
+    for method in bench.choose:
+        try:
+            stage, joints = make_stage(bench, blind, scene)
+        except EasyHecError as error:
+            for n in range(1, bench.views + 1):
+                steps.append(Step(scene, method, n, status=str(error)))
+            continue
+        steps += [step for step, _ in walk(stage, joints, bench.seed, scene, method)]
+    return tuple(steps)
 
 
 def eye_to_hand_table(bench: EyeToHandBench, steps: Sequence[Step]) -> Table:
@@ -195,30 +216,37 @@ def eye_to_hand_plot(bench: EyeToHandBench, steps: Sequence[Step]) -> Figure:
     return curves_plot(panels, title=f"From {bench.source}", label="views")
 
 
-def _method_steps(bench: EyeToHandBench, scene: int, method: str) -> Iterator[Step]:
-    try:
-        stage, blind = _stage(bench, scene)
-    except EasyHecError as error:
-        for n in range(1, bench.views + 1):
-            yield Step(scene, method, n, status=str(error))
-        return
-    rng = np.random.default_rng([bench.seed, scene, zlib.crc32(method.encode())])
+def walk(
+    stage: Stage, blind: F64, seed: int, scene: int, method: str
+) -> Iterator[tuple[Step, PoseEstimate | None]]:
+    """Take views one after the other, each where the pose found so far says.
+
+    Args:
+        stage: What is calibrated.
+        blind: Joint poses (views, n): the first one, and those for when no pose is known.
+        seed: Of the benchmark.
+        scene: Number of the scene.
+        method: How joint poses are chosen.
+
+    Yields:
+        After each view, what is known, and the pose itself.
+    """
+    rng = np.random.default_rng([seed, scene, zlib.crc32(method.encode())])
     checker = PossiblePoses.of(stage)
-    config = ExploreConfig(method=method)  # pyright: ignore[reportArgumentType]  # checked
+    config = ExploreConfig(method=method)  # pyright: ignore[reportArgumentType]  # it checks
     taken: list[F64] = []
     estimate: PoseEstimate | None = None
-    for n in range(1, bench.views + 1):
-        step = Step(scene, method, n)
-        joints = blind[n - 1]
+    for n, unknown in enumerate(blind, start=1):
+        step, joints = Step(scene, method, n), unknown
         if n > 1:
             clock = time.perf_counter()
             chosen = _chosen(stage, estimate, taken, config, rng, checker)
             step = replace(step, choosing_s=time.perf_counter() - clock, blind=chosen is None)
-            joints = joints if chosen is None else chosen
+            joints = unknown if chosen is None else chosen
         taken.append(joints)
         stage.look(joints)
         step, estimate = _estimated(stage, step)
-        yield step
+        yield step, estimate
 
 
 def _chosen(
@@ -256,36 +284,27 @@ def _estimated(stage: Stage, step: Step) -> tuple[Step, PoseEstimate | None]:
     return step, estimate
 
 
-def _stage(bench: EyeToHandBench, scene: int) -> tuple[Stage, F64]:
-    """The stage of a scene, and joint poses for when its camera is not known."""
+def make_stage(bench: EyeToHandBench, blind: F64, scene: int) -> tuple[Stage, F64]:
+    """The stage of a scene, and those of the blind joint poses that are possible in it."""
     robot = load_robot(bench.robot)
     seed = [bench.seed, scene]
     if bench.source == "masks":
         stage = MaskStage.random(robot, bench.size, seed)
-        return stage, _blind(bench)
+        return stage, blind
     width, height = bench.size
     options = replace(options_for("normal"), width=width, height=height)
     rng = np.random.default_rng(seed)
     cell = Cell.random(bench.robot, rng, options=options)
     extra = cell.random_joints(bench.extra, rng)
     stage = PictureStage(cell, replace(FULL, samples=bench.samples), extra)
-    blind = _blind(bench)
     # What stands on this table may be in the way of a joint pose.
     free = cell.poses.is_free(blind)
     return stage, np.where(free[:, None], blind, cell.random_joints(len(blind), rng))
 
 
-@lru_cache(maxsize=2)
-def _blind(bench: EyeToHandBench) -> F64:
-    """Joint poses (views, n) for any camera: the same in all scenes of a benchmark."""
-    stage = MaskStage.random(load_robot(bench.robot), bench.size, [bench.seed])
-    poses = first_joint_poses(
-        stage.rig.robot,
-        stage.camera,
-        bench.views,
-        np.random.default_rng(bench.seed),
-        checker=PossiblePoses.of(stage),
-    )
+def blind_poses(bench: EyeToHandBench) -> F64:
+    """Joint poses (views, n) for an unknown camera: the same in all scenes of a benchmark."""
+    poses = poses_for_any_camera(bench.robot, bench.size, bench.views, bench.seed)
     if bench.first == "zero":
         poses = np.concatenate([np.zeros_like(poses[:1]), poses[:-1]])
     return poses

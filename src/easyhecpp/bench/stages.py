@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError
-from easyhecpp.explore import CollisionChecker
+from easyhecpp.explore import CollisionChecker, first_joint_poses
 from easyhecpp.explore.box_check import BoxCheck
 from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.rig import Rig
@@ -25,6 +25,7 @@ from easyhecpp.sim.options import CellOptions
 from easyhecpp.sim.placement import random_camera, tripod_camera
 from easyhecpp.sim.poses import PoseSampler
 from easyhecpp.sim.random_cell import stand_height
+from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import SimScene
 from easyhecpp.sim.studio import Quality
 from easyhecpp.solve import Observation, PoseEstimate, solve_pose
@@ -102,6 +103,18 @@ class PossiblePoses:
     def collides(self, joints: F64) -> NDArray[np.bool_]:
         """Which of (N, n) collide: (N,)."""
         return np.asarray(self.arm.collides(joints)) | ~self.poses.is_free(joints)
+
+
+def poses_for_any_camera(robot: str, size: tuple[int, int], count: int, seed: int) -> F64:
+    """Joint poses (count, n) that tell much wherever the camera stands, above the table."""
+    stage = MaskStage.random(load_robot(robot), size, [seed])
+    return first_joint_poses(
+        stage.rig.robot,
+        stage.camera,
+        count,
+        np.random.default_rng(seed),
+        checker=PossiblePoses.of(stage),
+    )
 
 
 @dataclass

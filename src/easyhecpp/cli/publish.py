@@ -50,6 +50,11 @@ def publish(
     say(f"written: {', '.join(map(str, written))}")
 
 
+def rows_file(out: Path | None) -> Path | None:
+    """Where a long run keeps finished scenes, beside its table; None without one."""
+    return None if out is None else out.with_suffix(".rows.jsonl")
+
+
 def _show(table: Table) -> None:
     """Drawn on a terminal; as markdown into a pipe or a file, where lines have no width."""
     from rich.console import Console

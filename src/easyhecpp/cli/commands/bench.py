@@ -11,7 +11,7 @@ from tyro.conf import Positional
 
 from easyhecpp.cli.commands.bench_pictures import BenchPhoto
 from easyhecpp.cli.commands.bench_recordings import BenchRepeat
-from easyhecpp.cli.commands.bench_tables import BenchEyeToHand
+from easyhecpp.cli.commands.bench_tables import BenchEyeToHand, BenchInit
 from easyhecpp.cli.output import complain, progress
 from easyhecpp.cli.publish import publish
 from easyhecpp.errors import InputError
@@ -150,6 +150,7 @@ Choice = (
     | Annotated[BenchPrompts, tyro.conf.subcommand("prompts")]
     | Annotated[BenchPhoto, tyro.conf.subcommand("photo")]
     | Annotated[BenchEyeToHand, tyro.conf.subcommand("eye-to-hand")]
+    | Annotated[BenchInit, tyro.conf.subcommand("init")]
     | Annotated[BenchRepeat, tyro.conf.subcommand("repeat")]
 )
 

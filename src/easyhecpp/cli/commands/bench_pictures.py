@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from easyhecpp.cli.output import progress
-from easyhecpp.cli.publish import publish
+from easyhecpp.cli.publish import publish, rows_file
 from easyhecpp.errors import InputError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class BenchPhoto:
             rows = run_photo_bench(
                 bench,
                 folder=self.keep,
-                rows_file=None if self.out is None else self.out.with_suffix(".rows.jsonl"),
+                rows_file=rows_file(self.out),
                 workers=self.workers,
                 progress=lambda done, row: tell(f"{done} of {self.scenes} scenes; {_said(row)}"),
             )

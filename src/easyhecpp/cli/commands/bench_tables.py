@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from easyhecpp.cli.commands.bench_pictures import picture_size
 from easyhecpp.cli.output import progress
-from easyhecpp.cli.publish import publish
+from easyhecpp.cli.publish import publish, rows_file
 
 if TYPE_CHECKING:
     from easyhecpp.bench.eye_to_hand import Step
@@ -82,7 +82,7 @@ class BenchEyeToHand:
         with progress(quiet=False) as tell:
             steps = run_eye_to_hand(
                 bench,
-                rows_file=None if self.out is None else self.out.with_suffix(".rows.jsonl"),
+                rows_file=rows_file(self.out),
                 workers=self.workers,
                 progress=lambda done, last: tell(
                     f"{done} of {self.scenes} scenes; {_said(last, self.views)}"
@@ -107,3 +107,54 @@ def _said(steps: tuple[Step, ...], views: int) -> str:
         f"{s.choose}: " + (f"{s.position_mm:.2f} mm" if s.position_mm is not None else s.status)
         for s in last
     )
+
+
+@dataclass(frozen=True)
+class BenchInit:
+    """First pose without a guess, beside the published ways."""
+
+    scenes: int = 10
+    """Number of scenes; 100 for the whole table."""
+
+    seed: int = 1000
+    """Scene i of a seed is always the same."""
+
+    views: int = 5
+    """Joint poses that the arm is driven to, the same in all scenes."""
+
+    robot: str = "xarm7"
+    """The arm, by name."""
+
+    size: str = "1280x720"
+    """Of the masks, WIDTHxHEIGHT."""
+
+    workers: int = 1
+    """Processes side by side; the seconds in the table are honest with one only."""
+
+    out: Path | None = None
+    """Markdown file to write; a .json and a .png stand beside it, and a .rows.jsonl that an
+    interrupted run goes on from."""
+
+    def run(self, command_line: str) -> int:
+        """Run and print the table."""
+        from easyhecpp.bench.init import InitBench, init_plot, init_table, run_init_bench
+        from easyhecpp.bench.table import describe_machine
+
+        bench = InitBench(self.scenes, self.seed, self.views, self.robot, picture_size(self.size))
+        with progress(quiet=False) as tell:
+            rows = run_init_bench(
+                bench,
+                rows_file=rows_file(self.out),
+                workers=self.workers,
+                progress=lambda done, last: tell(f"{done} of {self.scenes} scenes"),
+            )
+        publish(
+            init_table(bench, rows),
+            self.out,
+            command_line,
+            figure=init_plot(rows),
+            settings=bench.settings(),
+            all_rows=[dataclasses.asdict(row) for row in rows],
+            machine=describe_machine(),
+        )
+        return 0
