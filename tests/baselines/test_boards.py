@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from easyhecpp.baselines.board_views import PictureNoise, render_board_view
+from easyhecpp.baselines.board_views import Flaws, render_board_view
 from easyhecpp.baselines.boards import Board, BoardCorners, CharucoBoard, Chessboard, board_pose
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import exp_so3, make_transform, pose_error, translation_matrix
@@ -17,7 +17,7 @@ F64 = np.ndarray
 PINHOLE = Camera(640, 480, 610.0, 605.0, 322.3, 236.8)
 LENS = Camera(640, 480, 520.0, 522.0, 315.0, 244.0, "plumb_bob", (-0.21, 0.06, 1e-3, -5e-4, 0.0))
 FISHEYE = Camera(640, 480, 420.0, 420.0, 320.0, 240.0, "equidistant", (0.02, -0.01, 0.0, 0.0))
-CLEAR = PictureNoise(blur_px=0.5, noise=0.0)
+CLEAR = Flaws(blur_px=0.5, noise=0.0)
 
 chessboard_and_charuco = pytest.mark.parametrize("board", [Chessboard(), CharucoBoard()])
 
@@ -37,8 +37,8 @@ POSES = (
 )
 
 
-def picture(board: Board, camera: Camera, T: F64, noise: PictureNoise = CLEAR, **more: object):
-    return render_board_view(board, camera, T, np.random.default_rng(0), noise=noise, **more)
+def picture(board: Board, camera: Camera, T: F64, flaws: Flaws = CLEAR, **more: object):
+    return render_board_view(board, camera, T, np.random.default_rng(0), flaws=flaws, **more)
 
 
 @pytest.mark.parametrize("camera", [PINHOLE, LENS, FISHEYE], ids=["pinhole", "lens", "fisheye"])
@@ -141,8 +141,33 @@ def test_what_is_in_front_of_the_board_hides_it_and_what_is_behind_does_not() ->
 def test_noise_and_blur_are_as_told() -> None:
     board = Chessboard()
     T = facing(board, (0.0, 0.0, 0.0), (0.0, 0.0, -1.0))
-    noisy = picture(board, PINHOLE, T, noise=PictureNoise(blur_px=0.0, noise=0.02))
+    noisy = picture(board, PINHOLE, T, flaws=Flaws(blur_px=0.0, noise=0.02))
     assert noisy.picture.std() == pytest.approx(0.02 * 255.0, rel=0.03)
     rng = np.random.default_rng(0)
-    again = render_board_view(board, PINHOLE, T, rng, noise=PictureNoise(0.0, 0.02))
+    again = render_board_view(board, PINHOLE, T, rng, flaws=Flaws(0.0, 0.02))
     np.testing.assert_array_equal(again.picture, noisy.picture)
+
+
+def test_a_print_of_another_size_looks_nearer_or_farther() -> None:
+    board = Chessboard()
+    T = facing(board, (0.3, 0.2, 0.1), (0.0, 0.0, 0.6))
+    seen = board.detect(picture(board, PINHOLE, T, Flaws(0.5, 0.0, print_scale=1.02)).picture)
+    assert seen is not None
+    estimate = board_pose(board, PINHOLE, seen)
+    assert estimate is not None
+    # The print grows from the board's origin, which stays where it is in the picture.
+    np.testing.assert_allclose(estimate[:3, 3], T[:3, 3] / 1.02, atol=1.5e-3)
+
+
+def test_a_bent_sheet_stands_out_towards_the_camera() -> None:
+    board, bend = Chessboard(), 0.004
+    T = facing(board, (0.0, 0.0, 0.0), (0.0, 0.0, 0.5))
+    seen = board.detect(picture(board, PINHOLE, T, Flaws(0.5, 0.0, bend=bend)).picture)
+    assert seen is not None
+    half, middle = (board.columns / 2 + 1) * board.square, board.columns / 2 * board.square
+    on_sheet = board.corners.copy()
+    on_sheet[:, 2] = -bend * (1.0 - ((on_sheet[:, 0] - middle) / half) ** 2)
+    expected = PINHOLE.project(on_sheet @ T[:3, :3].T + T[:3, 3])
+    np.testing.assert_allclose(seen.pixels, expected, atol=0.1)
+    flat = PINHOLE.project(board.corners @ T[:3, :3].T + T[:3, 3])
+    assert np.abs(seen.pixels - flat).max() > 0.5

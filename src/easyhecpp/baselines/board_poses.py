@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.baselines.board_views import PictureNoise, render_board_view
+from easyhecpp.baselines.board_views import Flaws, render_board_view
 from easyhecpp.baselines.boards import Board, board_pose
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, make_transform, transform_points
@@ -27,7 +29,7 @@ MAX_SLANT = np.deg2rad(50.0)
 MAX_HIDDEN = 0.02
 """Nor does he take a pose in which the arm hides more of the board."""
 
-_BATCH, _BATCHES = 500, 120
+_BATCH, _MOST_DRAWS = 500, 60_000
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class BoardOnArm:
     def __post_init__(self) -> None:
         check_links([self.link], self.robot.frame_names, "the link that holds the board")
 
-    @property
+    @cached_property
     def T_link_board(self) -> F64:
         """``(4, 4)`` where the board is; unknown to a calibration."""
         b = self.board
@@ -89,7 +91,9 @@ class BoardOnArm:
         self,
         count: int,
         rng: np.random.Generator,
-        noise: PictureNoise | None = None,
+        *,
+        is_free: Callable[[F64], NDArray[np.bool_]] | None = None,
+        flaws: Flaws | None = None,
     ) -> BoardShots:
         """Find joint poses that show the board, take a picture of each and look for the board.
 
@@ -101,27 +105,29 @@ class BoardOnArm:
             count: Number of pictures with the board wanted; fewer come back where the board is
                 hardly ever in view.
             rng: Decides everything.
-            noise: Of the camera.
+            is_free: Which joint poses ``(N, n)`` the surroundings allow, ``(N,)``.
+            flaws: Of the board and the camera.
         """
-        surface = ArmSurface.of(self.robot)
         renderer = SilhouetteRenderer(self.robot.meshes, self.camera)
+        surface = ArmSurface.of(self.robot)
         good: list[F64] = []
         found: list[F64] = []
         drawn = seen = pictures = 0
-        T_link_board = self.T_link_board
-        for _ in range(_BATCHES):
+        while len(good) < count and drawn < _MOST_DRAWS:
             poses = surface.draw_poses(_BATCH, rng)
-            Ts = inverse(self.T_base_cam) @ self.robot.frame_pose(poses, self.link) @ T_link_board
-            visible = self._shows(Ts)
-            drawn, seen = drawn + len(poses), seen + int(visible.sum())
-            for q, T in zip(poses[visible], Ts[visible], strict=True):
-                near = surface.nearest(self.T_base_cam, q[None])[0] < 0.1 * self.robot.reach
-                if near or surface.collides(q):
+            Ts_cam_board = self._Ts_cam_board(poses)
+            shown = self._shows(Ts_cam_board)
+            drawn, seen = drawn + len(poses), seen + int(shown.sum())
+            if is_free is not None:
+                shown &= is_free(poses)
+            for q, T in zip(poses[shown], Ts_cam_board[shown], strict=True):
+                if len(good) == count or not self._is_possible(surface, q):
                     continue
-                Ts_cam_link = inverse(self.T_base_cam) @ self.robot.link_poses(q)
+                Ts_base_link = self.robot.link_poses(q)
                 view = render_board_view(
-                    self.board, self.camera, T, rng, arm=(renderer, Ts_cam_link), noise=noise
-                )
+                    self.board, self.camera, T, rng,
+                    arm=(renderer, inverse(self.T_base_cam) @ Ts_base_link), flaws=flaws,
+                )  # fmt: skip
                 if view.hidden > MAX_HIDDEN:
                     continue
                 pictures += 1
@@ -130,22 +136,24 @@ class BoardOnArm:
                 if pose is not None:
                     good.append(q)
                     found.append(pose)
-                if len(good) == count:
-                    return self._shots(good, found, seen / drawn, pictures)
-        return self._shots(good, found, seen / drawn, pictures)
-
-    def _shots(
-        self, good: list[F64], found: list[F64], in_view: float, pictures: int
-    ) -> BoardShots:
         joints = np.array(good).reshape(-1, self.robot.n_joints)
-        truth = inverse(self.T_base_cam) @ self.robot.frame_pose(joints, self.link)
         return BoardShots(
             joints,
             np.array(found).reshape(-1, 4, 4),
-            truth @ self.T_link_board,
-            in_view,
+            self._Ts_cam_board(joints),
+            seen / drawn,
             pictures,
         )
+
+    def _Ts_cam_board(self, joints: F64) -> F64:
+        """``(N, 4, 4)`` where the camera has the board."""
+        Ts_base_link = self.robot.frame_pose(joints, self.link)
+        return inverse(self.T_base_cam) @ Ts_base_link @ self.T_link_board
+
+    def _is_possible(self, surface: ArmSurface, q: F64) -> bool:
+        """Whether the arm touches neither the camera nor itself."""
+        clear = surface.nearest(self.T_base_cam, q[None])[0] > 0.1 * self.robot.reach
+        return bool(clear) and not surface.collides(q)
 
     def _shows(self, Ts_cam_board: F64) -> NDArray[np.bool_]:
         """``(N,)`` whether the whole board, margin and all, faces the camera and is in view."""
