@@ -12,7 +12,7 @@ from tyro.conf import Positional
 from easyhecpp.cli.commands.bench_pictures import BenchPhoto
 from easyhecpp.cli.commands.bench_recordings import BenchRepeat
 from easyhecpp.cli.commands.bench_tables import BenchEyeToHand, BenchInit
-from easyhecpp.cli.commands.bench_tasks import BenchTargeting
+from easyhecpp.cli.commands.bench_tasks import BenchBaxter, BenchTargeting
 from easyhecpp.cli.output import complain, progress
 from easyhecpp.cli.publish import publish
 from easyhecpp.errors import InputError
@@ -153,6 +153,7 @@ Choice = (
     | Annotated[BenchEyeToHand, tyro.conf.subcommand("eye-to-hand")]
     | Annotated[BenchInit, tyro.conf.subcommand("init")]
     | Annotated[BenchTargeting, tyro.conf.subcommand("targeting")]
+    | Annotated[BenchBaxter, tyro.conf.subcommand("baxter")]
     | Annotated[BenchRepeat, tyro.conf.subcommand("repeat")]
 )
 

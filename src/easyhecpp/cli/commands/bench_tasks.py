@@ -76,3 +76,63 @@ class BenchTargeting:
             machine=describe_machine(),
         )
         return 0
+
+
+@dataclass(frozen=True)
+class BenchBaxter:
+    """PCK of the Baxter's end effector, on the published recording or a simulated stand-in."""
+
+    data: Path | None = None
+    """Folder of the published recording; without it, simulated scenes take its place."""
+
+    segmenter: str = "auto"
+    """Where masks of the recording come from, as in calibrate."""
+
+    scenes: int = 5
+    """Camera poses of the stand-in."""
+
+    seed: int = 1000
+    """Scene i of a seed is always the same."""
+
+    size: str = "1024x768"
+    """Of the stand-in's masks, WIDTHxHEIGHT; 4 : 3 as the recording's."""
+
+    workers: int = 1
+    """Processes side by side."""
+
+    out: Path | None = None
+    """Markdown file to write; a .json and a .png stand beside it."""
+
+    def run(self, command_line: str) -> int:
+        """Run and print the table."""
+        from easyhecpp.bench.baxter import (
+            baxter_plot,
+            baxter_table,
+            run_baxter_recording,
+            run_baxter_stand_in,
+        )
+        from easyhecpp.bench.table import describe_machine
+
+        with progress(quiet=False) as tell:
+            if self.data is not None:
+                bench = run_baxter_recording(self.data, self.segmenter)
+            else:
+                bench = run_baxter_stand_in(
+                    scenes=self.scenes,
+                    seed=self.seed,
+                    size=picture_size(self.size),
+                    workers=self.workers,
+                    progress=lambda done: tell(f"{done} of {self.scenes} scenes"),
+                )
+        publish(
+            baxter_table(bench),
+            self.out,
+            command_line,
+            figure=baxter_plot(bench),
+            all_rows={
+                count: {"pixels": errors.pixels.tolist(), "metres": errors.metres.tolist()}
+                for count, errors in bench.views.items()
+            },
+            machine=describe_machine(),
+        )
+        return 0
