@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from easyhecpp.cli.commands.bench_pictures import BenchPhoto
-from easyhecpp.cli.commands.bench_recordings import BenchRepeat
+from easyhecpp.cli.commands.bench_recordings import BenchReal, BenchRepeat
 from easyhecpp.cli.commands.bench_tables import BenchEyeToHand, BenchInit
 from easyhecpp.cli.commands.bench_tasks import BenchBaxter, BenchTargeting
 from easyhecpp.cli.output import complain, progress
@@ -154,6 +154,7 @@ Choice = (
     | Annotated[BenchInit, tyro.conf.subcommand("init")]
     | Annotated[BenchTargeting, tyro.conf.subcommand("targeting")]
     | Annotated[BenchBaxter, tyro.conf.subcommand("baxter")]
+    | Annotated[BenchReal, tyro.conf.subcommand("real")]
     | Annotated[BenchRepeat, tyro.conf.subcommand("repeat")]
 )
 

@@ -1,4 +1,4 @@
-"""``easyhecpp bench`` on recordings without a known truth."""
+"""``easyhecpp bench`` on recordings."""
 
 from __future__ import annotations
 
@@ -50,5 +50,41 @@ class BenchRepeat:
             self.out,
             command_line,
             all_rows=[dataclasses.asdict(row) for row in rows],
+        )
+        return 0
+
+
+@dataclass(frozen=True)
+class BenchReal:
+    """Recordings whose truth is known, or pairs of a stereo camera."""
+
+    folder: Positional[Path]
+    """Holds captures with a truth.json each; docs/benchmarks.md describes that file."""
+
+    segmenter: str = "auto"
+    """Where masks come from, as in calibrate."""
+
+    edges: bool = True
+    """Whether the outline is fitted to the image's own edges after the masks."""
+
+    out: Path | None = None
+    """Markdown file to write; a .json and a .png stand beside it."""
+
+    def run(self, command_line: str) -> int:
+        """Run and print the table."""
+        from easyhecpp.bench.real import real_plot, real_table, run_real_bench
+        from easyhecpp.bench.table import describe_machine
+        from easyhecpp.session import CalibrationConfig
+
+        config = CalibrationConfig(segmenter=self.segmenter, edges=self.edges)
+        with progress(quiet=False) as tell:
+            rows = run_real_bench(self.folder, config, progress=tell)
+        publish(
+            real_table(self.folder, rows),
+            self.out,
+            command_line,
+            figure=real_plot(rows),
+            all_rows=[dataclasses.asdict(row) for row in rows],
+            machine=describe_machine(),
         )
         return 0
