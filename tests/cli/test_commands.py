@@ -8,10 +8,12 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
+from composites import Look, photograph
 from scenes_small import photographed
 from simulated_capture import simulated_capture
 from small_arm import scene, small_arm, write_urdf
@@ -26,10 +28,11 @@ from easyhecpp.formats.exporters import TARGETS
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.geometry import pose_error
 from easyhecpp.session import Calibration, calibrate, demo
+from easyhecpp.sim.poses import PoseSampler
 
 COMMANDS = (
-    "calibrate", "check-capture", "info", "overlay", "segment", "export", "compare", "bench",
-    "demo",
+    "calibrate", "check-capture", "info", "overlay", "segment", "export", "compare", "explore",
+    "bench", "demo",
 )  # fmt: skip
 
 
@@ -335,16 +338,38 @@ def test_compare(calibrated: tuple[Ran, Path], tmp_path: Path) -> None:
 # demo, help, version
 
 
-def test_demo_shows_the_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    case = photographed(3, n_views=6)
-    pairs = zip(case.joints, case.images, strict=True)
-    views = [View(f"{i}", q, image=p) for i, (q, p) in enumerate(pairs)]
-    capture = Capture("demo", None, "eye-to-hand", case.rig.robot, case.camera, tuple(views))
-    monkeypatch.setattr(demo, "photographed_capture", lambda rng, tell: (capture, case))
+class SmallCell:
+    """A cell of a small arm, photographed without a path tracer."""
+
+    def __init__(self) -> None:
+        case = photographed(3, n_views=2)
+        self.rig, self.camera, self.T_mount_cam = case.rig, case.camera, case.T_mount_cam
+        self.robot = self.rig.robot
+        self.poses = PoseSampler(self.rig, self.camera, self.T_mount_cam, -1.0, (), 0.7)
+        self.photographed: list[np.ndarray] = []
+
+    def capture(self, joints: np.ndarray, *, first_index: int) -> list[SimpleNamespace]:
+        assert first_index == len(self.photographed)
+        self.photographed.append(joints)
+        # The same room each time, then noise of its own.
+        rng, views = np.random.default_rng(3), [joints] * (first_index + 1)
+        images, _ = photograph(self.rig, self.camera, self.T_mount_cam, views, rng, Look())
+        return [SimpleNamespace(image=images[-1])]
+
+
+def test_demo_chooses_poses_and_shows_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = SmallCell()
+    monkeypatch.setattr(demo.Cell, "random", lambda *_, **__: cell)
     ran = run("demo", "--out", tmp_path / "demo", "--seed", 3)
     assert ran.code == 0
+    assert len(cell.photographed) == demo.FIRST_VIEWS + demo.CHOSEN_VIEWS
+    assert ran.out.count("next joint pose: ") == demo.CHOSEN_VIEWS
     for part in ("true camera position", "found camera position", "error: ", "mm"):
         assert part in ran.out
+    error = float(ran.out.split("\nerror: ")[1].split(" mm")[0])
+    assert error < 10.0
     assert (tmp_path / "demo" / "result.json").is_file()
     named = ran.out.split("Look at ")[1].strip().rstrip(".")
     assert Path(named).is_file()

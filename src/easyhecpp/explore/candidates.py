@@ -15,13 +15,15 @@ F64 = NDArray[np.float64]
 
 _LONGEST_SLIDE_M = 20.0
 _LEAST_MOVED = 0.02
+_MARGIN = 0.02
 
 
 def joint_ranges(robot: Robot, hold: F64 | None = None) -> tuple[F64, F64]:
     """Limits ``(n,)`` to draw from: turning joints within one turn about their range's middle.
 
-    Joints that hardly move anything, such as a gripper's fingers, are held: both their limits are
-    the value in ``hold`` ``(n,)``, or that of the neutral pose.
+    One percent of its range is left between a joint and each of its ends: arms stop there. Joints
+    that hardly move anything, such as a gripper's fingers, are held: both their limits are the
+    value in ``hold`` ``(n,)``, or that of the neutral pose.
 
     Raises:
         InputError: Joints without limits, or with limits that mean nothing; all are named.
@@ -35,6 +37,8 @@ def joint_ranges(robot: Robot, hold: F64 | None = None) -> tuple[F64, F64]:
     if useless.any() or held.all():
         raise _bad_limits(robot, useless)
     middle, half = (robot.lower + robot.upper) / 2.0, span / 2.0
+    endless = np.array([kind == "continuous" for kind in robot.joint_types], bool)
+    half = np.where(endless, half, (1.0 - _MARGIN) * half)
     half = np.where(turns, np.minimum(half, np.pi), half)
     still = robot.neutral if hold is None else hold
     return np.where(held, still, middle - half), np.where(held, still, middle + half)

@@ -93,10 +93,16 @@ class Forecast:
         J = self._to_camera(hypotheses)
         return self.inflation * (J @ np.linalg.inv(found)[..., :6, :6] @ np.swapaxes(J, -1, -2))
 
-    def position_variances(self, joints: F64, hypotheses: int | None = None) -> F64:
-        """Expected variance ``(N,)`` of the camera's position with each view added, m^2."""
+    def mean_squares(self, joints: F64, hypotheses: int | None = None) -> F64:
+        """Expected square ``(N,)`` of the camera's error with each view added, m^2.
+
+        That of the position, plus that of the orientation times the distance to the arm: by so
+        much it displaces what the camera sees there.
+        """
         C = self.covariances(joints, hypotheses)
-        return np.trace(C[..., :3, :3], axis1=-2, axis2=-1).mean(axis=1)
+        distance = float(np.linalg.norm(self.Ts_mount_cam[0, :3, 3] - self.centre_mount))
+        lengths = np.array([1.0, 1.0, 1.0, distance, distance, distance])
+        return (np.diagonal(C, axis1=-2, axis2=-1) @ lengths**2).mean(axis=1)
 
     def expected(self, joints: F64) -> tuple[float, float]:
         """Standard deviation of position, mm, and orientation, deg, with one view ``(n,)``."""

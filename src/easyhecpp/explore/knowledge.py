@@ -77,9 +77,9 @@ class Proposal:
     Attributes:
         joints: ``(n,)`` radians and metres; the best known even when `stop` is set.
         method: How it was chosen.
-        score: Of the method: predicted standard deviation of the position, mm, negated, for
-            ``information``; summed
-            variance in pixels for ``consistency``; larger is better. 0 for ``random``.
+        score: Of the method, larger is better: for ``information`` the expected error of position
+            and orientation together, mm at the arm's distance, negated; for ``consistency`` the
+            summed variance in pixels; 0 for ``random``.
         predicted_position_mm: Standard deviation of the camera's position with this view.
         predicted_rotation_deg: The same for its orientation.
         position_mm: Standard deviation of the camera's position without it.

@@ -41,7 +41,8 @@ class SurfacePoints:
 
     def placed(self, Ts_x_link: F64) -> F64:
         """The points ``(N, L * P, 3)`` in frame x for link poses ``(N, L, 4, 4)``."""
-        return transform_points(Ts_x_link, self.points).reshape(len(Ts_x_link), -1, 3)
+        placed = transform_points(Ts_x_link, self.points)
+        return placed.reshape(len(Ts_x_link), self.points.shape[0] * self.points.shape[1], 3)
 
     def share_by_link(self, marked: Bool) -> F64:
         """``(N, L)`` share of each link's points that are marked, ``(N, L * P)``."""

@@ -12,6 +12,7 @@ from easyhecpp.cli.commands.calibrate import Calibrate
 from easyhecpp.cli.commands.check import CheckCapture
 from easyhecpp.cli.commands.compare import Compare
 from easyhecpp.cli.commands.demo import Demo
+from easyhecpp.cli.commands.explore import Explore
 from easyhecpp.cli.commands.export import Export
 from easyhecpp.cli.commands.info import Info
 from easyhecpp.cli.commands.overlay import Overlay
@@ -38,6 +39,7 @@ def parse(words: Sequence[str]) -> Command:
         | Annotated[View, tyro.conf.subcommand("view")]
         | Annotated[Export, tyro.conf.subcommand("export")]
         | Annotated[Compare, tyro.conf.subcommand("compare")]
+        | Annotated[Explore, tyro.conf.subcommand("explore")]
         | Annotated[Bench, tyro.conf.subcommand("bench")]
         | Annotated[Demo, tyro.conf.subcommand("demo")]
     )
