@@ -1,0 +1,112 @@
+"""The table commands: what they write, and what they refuse; `bench` has tests of its own."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from easyhecpp.bench.baxter import BaxterBench
+from easyhecpp.bench.eye_to_hand import Step
+from easyhecpp.bench.init import InitRow
+from easyhecpp.bench.metrics import PoseError
+from easyhecpp.bench.pck import KeypointErrors
+from easyhecpp.bench.photo import PhotoRow
+from easyhecpp.bench.real import RealRow
+from easyhecpp.bench.targeting import Target
+from easyhecpp.cli import main
+
+ERRORS = KeypointErrors(np.array([5.0, 500.0]), np.array([0.01, np.inf]))
+
+TABLES: dict[str, tuple[list[str], str, Any]] = {
+    "photo": (
+        ["photo", "--scenes", "2", "--robots", "xarm7", "--size", "96x64"],
+        "photo.run_photo_bench",
+        (
+            PhotoRow(0, "xarm7", "ok", 1.0, 1.0, 0.1, 2.0, 0.2, 3.0),
+            PhotoRow(1, "xarm7", "error", reasons=("lost",)),
+        ),
+    ),
+    "eye-to-hand": (
+        ["eye-to-hand", "--scenes", "1", "--views", "2", "--choose", "random"],
+        "eye_to_hand.run_eye_to_hand",
+        (Step(0, "random", 1, 2.0, 0.1, 1.0), Step(0, "random", 2, 1.0, 0.1, 1.0, 0.5)),
+    ),
+    "init": (
+        ["init", "--scenes", "1"],
+        "init.run_init_bench",
+        tuple(InitRow(0, grid, 2.0, 0.1, 1.0, 1.0, 0.1, 1.0) for grid in ("sphere", "paper")),
+    ),
+    "targeting": (
+        ["targeting", "--scenes", "1", "--trials", "1"],
+        "targeting.run_targeting",
+        (Target(0, 0, 1.5, 0.5, 1.2),),
+    ),
+    "baxter": (
+        ["baxter", "--scenes", "1"],
+        "baxter.run_baxter_stand_in",
+        BaxterBench("a test", {1: ERRORS, 2: ERRORS, 3: ERRORS}),
+    ),
+    "real": (
+        ["real", "."],
+        "real.run_real_bench",
+        (RealRow("a", "arm", 5, "pose", PoseError(1.0, 0.1), "ok", 0.5, 6.0, 2.0),),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_is_printed_and_written_with_all_rows_and_a_plot(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    words, function, rows = TABLES[name]
+    module, _, attribute = function.partition(".")
+    monkeypatch.setattr(
+        importlib.import_module(f"easyhecpp.bench.{module}"), attribute, lambda *a, **k: rows
+    )
+    out = tmp_path / "results" / f"{name}.md"
+    assert main(["bench", *words, "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    text = out.read_text()
+    assert text.startswith("### ")
+    assert text.splitlines()[0] in printed
+    assert f"]({name}.png)" in text
+    assert f"bench {words[0]}" in text.splitlines()[-1]  # the command that repeats it
+    content = json.loads(out.with_suffix(".json").read_text())
+    assert len(content["all_rows"]) == (3 if name == "baxter" else len(rows))
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["photo", "--size", "large"], "no size of a picture"),
+        (["photo", "--size", "960x20"], "no size of a picture"),
+        (["photo", "--robots", "hal9000"], "no built-in robot called 'hal9000'"),
+        (["eye-to-hand", "--choose", "luck"], "called luck"),
+        (["eye-to-hand", "--robot", "hal9000"], "no built-in robot"),
+        (["init", "--scenes", "0"], "scenes is 0"),
+        (["targeting", "--trials", "0"], "trials is 0"),
+        (["baxter", "--data", "nowhere"], "Cannot be read"),
+        (["real", "nowhere"], "No capture below this folder"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_is_said_in_a_sentence(
+    words: list[str],
+    expected: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    pytest.importorskip("mitsuba", reason="bench photo needs it before anything else")
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", *words]) == 2
+    captured = capsys.readouterr()
+    assert expected in captured.err
+    assert "Traceback" not in captured.err
+    assert list(tmp_path.iterdir()) == []
