@@ -72,6 +72,53 @@ class AdamHistory:
     seconds: F64
 
 
+class AdamSteps:
+    """Adam on Eq. 1, step by step.
+
+    Args:
+        rig: Robot and set-up.
+        camera: Intrinsics.
+        observations: Views with masks.
+        T_mount_cam_init: ``(4, 4)`` start.
+        config: Settings.
+
+    Raises:
+        InputError: No view, a mask whose size is not the camera's, or a setting out of range.
+        MissingExtraError: torch is not installed.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        camera: Camera,
+        observations: Sequence[Observation],
+        T_mount_cam_init: F64,
+        config: AdamConfig,
+    ) -> None:
+        torch = require("torch", "models", "The Adam baseline")
+        from easyhecpp.baselines.torch_eq1 import eq1_loss
+
+        if config.half_pixel_bias:
+            camera = replace(camera, cx=camera.cx - 0.5, cy=camera.cy - 0.5)
+        self.views = eq1_views(rig, camera, observations, config.combine)
+        self._loss = eq1_loss
+        self._xi = torch.tensor(log_se3(inverse(T_mount_cam_init)), requires_grad=True)
+        self._adam = torch.optim.Adam([self._xi], lr=config.learning_rate)
+
+    @property
+    def tangent(self) -> F64:
+        """``(6,)`` whose exponential is the present T_cam_mount."""
+        return self._xi.detach().numpy().copy()
+
+    def step(self) -> float:
+        """Take a step; returns the loss before it."""
+        self._adam.zero_grad()
+        loss = self._loss(self._xi, self.views)
+        loss.backward()
+        self._adam.step()
+        return loss.item()
+
+
 def calibrate_with_adam(
     rig: Rig,
     camera: Camera,
@@ -96,26 +143,15 @@ def calibrate_with_adam(
         MissingExtraError: torch is not installed.
     """
     config = config or AdamConfig()
-    torch = require("torch", "models", "The Adam baseline")
-    from easyhecpp.baselines.torch_eq1 import eq1_loss
-
-    if config.half_pixel_bias:
-        camera = replace(camera, cx=camera.cx - 0.5, cy=camera.cy - 0.5)
-    views = eq1_views(rig, camera, observations, config.combine)
-    xi = torch.tensor(log_se3(inverse(T_mount_cam_init)), requires_grad=True)
-    adam = torch.optim.Adam([xi], lr=config.learning_rate)
+    adam = AdamSteps(rig, camera, observations, T_mount_cam_init, config)
     tangents = np.empty((config.steps + 1, 6))
     losses, seconds = np.empty(config.steps), np.zeros(config.steps + 1)
+    tangents[0] = adam.tangent
     clock = time.perf_counter()
     for step in range(config.steps):
-        tangents[step] = xi.detach().numpy()
-        loss = eq1_loss(xi, views)
-        adam.zero_grad()
-        loss.backward()
-        adam.step()
-        losses[step] = loss.item()
+        losses[step] = adam.step()
+        tangents[step + 1] = adam.tangent
         seconds[step + 1] = time.perf_counter() - clock
-    tangents[-1] = xi.detach().numpy()
     history = AdamHistory(inverse(exp_se3(tangents)), losses, seconds)
     chosen = config.steps if config.iterate == "last" else int(losses.argmin())
     result = BaselineResult(

@@ -40,9 +40,20 @@ class BoardCorners:
 class Board(Protocol):
     """A flat board with known corners."""
 
-    columns: int
-    rows: int
-    square: float
+    @property
+    def columns(self) -> int:
+        """Squares from left to right."""
+        ...
+
+    @property
+    def rows(self) -> int:
+        """Squares from top to bottom."""
+        ...
+
+    @property
+    def square(self) -> float:
+        """Side of a square, metres."""
+        ...
 
     @property
     def corners(self) -> F64:
@@ -73,7 +84,7 @@ class Chessboard:
     rows: int = 7
     square: float = 0.025
 
-    @cached_property
+    @property
     def corners(self) -> F64:
         """``(N, 3)`` inner corners."""
         return _inner_corners(self.columns, self.rows, self.square)
@@ -136,7 +147,7 @@ class CharucoBoard:
     square: float = 0.025
     marker: float = 0.019
 
-    @cached_property
+    @property
     def corners(self) -> F64:
         """``(N, 3)`` inner corners."""
         return _inner_corners(self.columns, self.rows, self.square)

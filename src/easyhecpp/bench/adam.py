@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map, usable_cores
-from easyhecpp.baselines.adam import AdamConfig, AdamHistory, calibrate_with_adam
-from easyhecpp.baselines.eq1 import eq1_views
+from easyhecpp.baselines.adam import (
+    AdamConfig,
+    AdamHistory,
+    AdamSteps,
+    calibrate_with_adam,
+)
 from easyhecpp.bench.metrics import PoseError, summarise
 from easyhecpp.bench.plots import curves_plot
 from easyhecpp.bench.published import FIRST_POSE
@@ -27,14 +31,14 @@ from easyhecpp.bench.scenes_pool import RowFile
 from easyhecpp.bench.stages import MaskStage
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
 from easyhecpp.errors import EasyHecError, InputError
-from easyhecpp.geometry import inverse, perturb_about, transform_points
+from easyhecpp.geometry import exp_se3, inverse, perturb_about, transform_points
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.solve import solve_pose
 
 F64 = NDArray[np.float64]
 
 _START = FIRST_POSE[0]
-_BARE_PASSES = 30
+_TIMED = 40
 _CURVE_POINTS = 24
 
 
@@ -127,7 +131,7 @@ def run_adam_bench(
     load_robot(bench.robot)
     kept = RowFile(rows_file, bench.settings())
     rows = {
-        row["scene"]: tuple(AdamRow(**r) for r in row["rows"])
+        row["scene"]: tuple(map(_row, row["rows"]))
         for row in kept.rows
         if row["scene"] < bench.scenes
     }
@@ -270,8 +274,7 @@ def _adam_rows(
         errors[-1].rotation_deg,
         float(seconds[-1]),
         reached[0] if reached else None,
-        float(1e3 * np.median(np.diff(seconds))),
-        _bare_pass_ms(stage, history),
+        *_costs_ms(stage, history.Ts_mount_cam[0]),
         tuple(float(seconds[i]) for i in steps),
         tuple(errors[i].position_mm for i in steps),
     )
@@ -280,16 +283,28 @@ def _adam_rows(
     )
 
 
-def _bare_pass_ms(stage: MaskStage, history: AdamHistory) -> float:
-    """Median time of rendering, comparing and differentiating all views, without torch."""
-    views = eq1_views(stage.rig, stage.camera, stage.observations, "union")
-    some = np.linspace(0, len(history.losses), _BARE_PASSES).astype(int)
-    times = []
-    for T_cam_mount in inverse(history.Ts_mount_cam[some]):
-        clock = time.perf_counter()
-        parallel_map(lambda view, T=T_cam_mount: view(T), views)
-        times.append(time.perf_counter() - clock)
-    return float(1e3 * np.median(times))
+def _costs_ms(stage: MaskStage, start: F64) -> tuple[float, float]:
+    """Median times of a step, and of rendering, comparing and differentiating all views alone.
+
+    Taken in turns, so that whatever else the machine does slows both.
+    """
+    adam = AdamSteps(stage.rig, stage.camera, stage.observations, start, AdamConfig())
+    times = np.empty((_TIMED, 3))
+    for row in times:
+        T_cam_mount = exp_se3(adam.tangent)
+        row[0] = time.perf_counter()
+        parallel_map(lambda view, T=T_cam_mount: view(T), adam.views)
+        row[1] = time.perf_counter()
+        adam.step()
+        row[2] = time.perf_counter()
+    bare, step = 1e3 * np.median(np.diff(times), axis=0)
+    return float(step), float(bare)
+
+
+def _row(values: dict[str, Any]) -> AdamRow:
+    """A row from a file, where tuples have become lists."""
+    row = AdamRow(**values)
+    return replace(row, curve_s=tuple(row.curve_s), curve_mm=tuple(row.curve_mm))
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.figure import Figure
 
-from easyhecpp.baselines import SOLVERS, Board, CharucoBoard, Chessboard, solve_hand_eye
+from easyhecpp.baselines import SOLVERS, CharucoBoard, Chessboard, solve_hand_eye
 from easyhecpp.baselines.board_poses import BoardOnArm, BoardShots
 from easyhecpp.baselines.board_views import Flaws
 from easyhecpp.baselines.hand_eye import MIN_VIEWS
@@ -32,7 +32,7 @@ from easyhecpp.errors import EasyHecError, InputError
 from easyhecpp.sim.robots import load_robot, named_robot
 
 BoardName = Literal["chessboard", "charuco"]
-BOARDS: dict[str, Board] = {"chessboard": Chessboard(), "charuco": CharucoBoard()}
+BOARDS = {"chessboard": Chessboard(), "charuco": CharucoBoard()}
 
 OURS = "ours"
 OUR_VIEWS = 5
