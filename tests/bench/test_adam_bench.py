@@ -15,11 +15,10 @@ from easyhecpp.bench.adam import (
     OURS,
     AdamBench,
     AdamRow,
-    adam_plot,
     adam_rows,
-    adam_table,
     run_adam_bench,
 )
+from easyhecpp.bench.adam_table import adam_plot, adam_table
 from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, pose_error, transform_points
 

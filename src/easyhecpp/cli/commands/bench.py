@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
+from easyhecpp.cli.commands.bench_baselines import BenchAdam, BenchMarker
 from easyhecpp.cli.commands.bench_pictures import BenchPhoto
 from easyhecpp.cli.commands.bench_recordings import BenchReal, BenchRepeat
 from easyhecpp.cli.commands.bench_tables import BenchEyeToHand, BenchInit
@@ -154,6 +155,8 @@ Choice = (
     | Annotated[BenchInit, tyro.conf.subcommand("init")]
     | Annotated[BenchTargeting, tyro.conf.subcommand("targeting")]
     | Annotated[BenchBaxter, tyro.conf.subcommand("baxter")]
+    | Annotated[BenchMarker, tyro.conf.subcommand("marker")]
+    | Annotated[BenchAdam, tyro.conf.subcommand("adam")]
     | Annotated[BenchReal, tyro.conf.subcommand("real")]
     | Annotated[BenchRepeat, tyro.conf.subcommand("repeat")]
 )

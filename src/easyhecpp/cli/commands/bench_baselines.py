@@ -109,7 +109,8 @@ class BenchAdam:
 
     def run(self, command_line: str) -> int:
         """Run and print the table."""
-        from easyhecpp.bench.adam import AdamBench, adam_plot, adam_table, run_adam_bench
+        from easyhecpp.bench.adam import AdamBench, run_adam_bench
+        from easyhecpp.bench.adam_table import adam_plot, adam_table
         from easyhecpp.bench.table import describe_machine
 
         bench = AdamBench(
