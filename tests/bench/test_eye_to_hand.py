@@ -11,11 +11,10 @@ from easyhecpp.bench import eye_to_hand
 from easyhecpp.bench.eye_to_hand import (
     EyeToHandBench,
     Step,
-    eye_to_hand_plot,
-    eye_to_hand_table,
     run_eye_to_hand,
     scene_steps,
 )
+from easyhecpp.bench.eye_to_hand_table import eye_to_hand_plot, eye_to_hand_table
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.stages import MaskStage, PossiblePoses
 from easyhecpp.errors import CalibrationError, InputError

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from easyhecpp.bench import photo
-from easyhecpp.bench.photo import PhotoBench, PhotoRow, photo_plot, photo_row, photo_table
+from easyhecpp.bench.photo import PhotoBench, PhotoRow, photo_row
+from easyhecpp.bench.photo_table import photo_plot, photo_table
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import exp_se3
 
@@ -97,6 +98,8 @@ def test_worse_by_edges_needs_a_tenth_and_a_tenth_of_a_millimetre():
     assert right(0, mm=2.3, before=2.0).worse_by_edges
     assert not right(0, mm=2.15, before=2.0).worse_by_edges  # under ten per cent
     assert not right(0, mm=0.28, before=0.2).worse_by_edges  # under a tenth of a millimetre
+    assert right(0, mm=300.0, before=5.0).worse_by_edges
+    assert not right(0, mm=900.0, before=500.0).worse_by_edges  # was wrong before
     assert not PhotoRow(0, "xarm7", "error").worse_by_edges
 
 

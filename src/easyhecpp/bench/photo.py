@@ -11,19 +11,14 @@ import contextlib
 import dataclasses
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
-
-from easyhecpp.bench.metrics import PoseError, Spread, wilson_interval
-from easyhecpp.bench.plots import cumulative_plot
+from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.scenes_pool import RowFile, in_order
-from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
 from easyhecpp.bench.truth_file import read_truth
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
@@ -129,8 +124,10 @@ class PhotoRow:
 
     @property
     def worse_by_edges(self) -> bool:
-        """Whether the edge stage harmed."""
+        """Whether the edge stage harmed a pose that was right."""
         if self.position_mm is None or self.before_mm is None:
+            return False
+        if self.before is None or not self.before.is_right:
             return False
         more = self.position_mm - self.before_mm
         return more > WORSE_SHARE * self.before_mm and more > WORSE_MM
@@ -162,9 +159,7 @@ def run_photo_bench(
     """
     _check(bench)
     kept = RowFile(rows_file, bench.settings())
-    rows = {
-        row["scene"]: PhotoRow(**{**row, "reasons": tuple(row["reasons"])}) for row in kept.rows
-    }
+    rows = {row["scene"]: _row_from(dict(row)) for row in kept.rows}
     rows = {scene: row for scene, row in rows.items() if scene < bench.scenes}
     missing = [scene for scene in range(bench.scenes) if scene not in rows]
     work = partial(photo_row, bench, folder)
@@ -197,59 +192,6 @@ def photo_row(bench: PhotoBench, folder: Path | None, scene: int) -> PhotoRow:
             return replace(row, reasons=(_text(error),))
 
 
-def photo_table(bench: PhotoBench, rows: Sequence[PhotoRow]) -> Table:
-    """Sum up: two lines an arm, with the edge stage and without, and two for all arms."""
-    lines = []
-    groups = {arm: [r for r in rows if r.arm == arm] for arm in bench.arms}
-    if len(groups) > 1:
-        groups["all"] = list(rows)
-    for arm, mine in groups.items():
-        if mine:
-            lines += [_line(arm, mine, edges=edges) for edges in (False, True)]
-    width, height = bench.size
-    wrong_ok = [r.scene for r in rows if not r.is_right and r.verdict == "ok"]
-    return Table(
-        title=f"{len(rows)} photo-real scenes from images alone, seed {bench.seed}",
-        columns=(
-            "arm",
-            "edge stage",
-            "failures (95 % interval)",
-            "mm per m of reach, mean",
-            "median",
-            "95 %",
-            "deg mean",
-            "deg median",
-            "deg 95 %",
-            "ok / doubtful / failed / error",
-            "worse by edges",
-            "s",
-        ),
-        rows=tuple(lines),
-        notes=(
-            f"{bench.views} views of {width}x{height}, {bench.samples} samples a pixel, "
-            f"{bench.difficulty} cells; no masks given, no weights. Right: camera centre within "
-            "20 mm and 2 deg; means over the right ones, medians and percentiles over all.",
-            f"Wrong poses called ok: {len(wrong_ok)}"
-            + (f" (scenes {', '.join(map(str, wrong_ok))})." if wrong_ok else "."),
-            f"Worse by edges: the error grew by more than {WORSE_SHARE:.0%} and {WORSE_MM} mm.",
-            machine_sentence(describe_machine()),
-        ),
-    )
-
-
-def photo_plot(rows: Sequence[PhotoRow]) -> Figure:
-    """Share of scenes over the error per metre of arm."""
-    return cumulative_plot(
-        {
-            "masks only": [_per_metre(r.before_mm, r) for r in rows],
-            "with the edge stage": [_per_metre(r.position_mm, r) for r in rows],
-        },
-        title="Photo-real scenes, from images alone",
-        label="error of the camera's centre, mm per metre of the arm's reach",
-        marks={"aim": 0.5},
-    )
-
-
 def _calibrated(row: PhotoRow, place: Path) -> PhotoRow:
     truth = read_truth(place).T_mount_cam
     assert truth is not None  # the generator writes it
@@ -270,33 +212,6 @@ def _calibrated(row: PhotoRow, place: Path) -> PhotoRow:
         before_deg=before.rotation_deg,
         seconds=seconds,
         reasons=(*found.result.reasons, *found.notes),
-    )
-
-
-def _line(arm: str, rows: Sequence[PhotoRow], *, edges: bool) -> tuple[Cell, ...]:
-    errors = [row.error if edges else row.before for row in rows]
-    right = [error is not None and error.is_right for error in errors]
-    failures = len(rows) - sum(right)
-    low, high = wilson_interval(failures, len(rows))
-    metre = Spread.of(
-        [_per_metre(e and e.position_mm, r) for e, r in zip(errors, rows, strict=True)], right
-    )
-    degrees = Spread.of([e and e.rotation_deg for e in errors], right)
-    words = [sum(r.verdict == w for r in rows) for w in ("ok", "doubtful", "failed", "error")]
-    seconds = [r.seconds for r in rows if r.seconds is not None]
-    return (
-        arm,
-        "yes" if edges else "no",
-        f"{failures} of {len(rows)} ({100 * low:.0f}-{100 * high:.0f} %)",
-        metre.mean,
-        metre.median,
-        metre.p95,
-        degrees.mean,
-        degrees.median,
-        degrees.p95,
-        " / ".join(map(str, words)) if edges else "",
-        sum(r.worse_by_edges for r in rows) if edges else None,
-        float(np.median(seconds)) if edges and seconds else None,
     )
 
 
@@ -322,16 +237,15 @@ def _place(folder: Path | None) -> Iterator[Path]:
         yield Path(place)
 
 
+def _row_from(values: dict[str, Any]) -> PhotoRow:
+    reasons = tuple(values.pop("reasons"))
+    return PhotoRow(**values, reasons=reasons)
+
+
 def _error(millimetres: float | None, degrees: float | None) -> PoseError | None:
     if millimetres is None or degrees is None:
         return None
     return PoseError(millimetres, degrees)
-
-
-def _per_metre(millimetres: float | None, row: PhotoRow) -> float:
-    if millimetres is None or row.reach_m is None:
-        return float("inf")
-    return millimetres / row.reach_m
 
 
 def _text(error: Exception) -> str:

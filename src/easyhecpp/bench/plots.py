@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 _SIZE = (7.2, 4.2)
 
@@ -35,8 +36,9 @@ def cumulative_plot(
     for i, (name, value) in enumerate((marks or {}).items()):
         axes.axvline(value, color=f"C{len(series) + i}", linestyle="--", label=name)
     axes.set(title=title, xlabel=label, ylabel="share of scenes, %", xscale="log", ylim=(0, 101))
+    _plain_numbers(axes.xaxis)
     axes.grid(alpha=0.3, which="both")
-    axes.legend(loc="lower right")
+    axes.legend(loc="best", fontsize="small")
     return figure
 
 
@@ -62,10 +64,20 @@ def curves_plot(
         for name, points in curves.items():
             known = sorted((x, y) for x, y in points.items() if y is not None and np.isfinite(y))
             x, y = [x for x, _ in known], [y for _, y in known]
-            axes.plot(x, y, "--." if name.startswith("published") else "-o", label=name)
+            style = "--." if name.startswith("published") else "-o"
+            axes.plot(x, y, style, label=name, markersize=5)
         axes.set(xlabel=label, ylabel=kind, yscale="log" if log else "linear")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        if log:
+            _plain_numbers(axes.yaxis)
         axes.grid(alpha=0.3, which="both")
-        if i == 1:
+        if i == len(panels):
             axes.legend(fontsize="small")
     return figure
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """0.1, 0.2, 0.5, 1, 2 instead of powers of ten."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=15))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

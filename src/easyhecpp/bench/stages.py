@@ -18,6 +18,8 @@ from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
 from easyhecpp.segment.classical import ClassicalSegmenter
+from easyhecpp.segment.classical.first_pose import FINAL_TOLERANCE
+from easyhecpp.segment.classical.search import PairScore, Scored
 from easyhecpp.segment.edges import refine_edges
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.masks import Degradation, degrade_masks
@@ -202,6 +204,7 @@ class PictureStage:
     extra: F64
     images: list[NDArray[np.uint8]] = field(default_factory=list)
     joints: list[F64] = field(default_factory=list)
+    found: F64 | None = None
 
     def __post_init__(self) -> None:
         for joints in self.extra:
@@ -243,7 +246,7 @@ class PictureStage:
         ids = [str(i) for i in range(len(self.images))]
         count = [i >= self.extra_views for i in range(len(self.images))]
         segmenter = ClassicalSegmenter(self.rig, self.camera, self.images, self.joints, ids=ids)
-        T = segmenter.settle(segmenter.first_pose())[0].T_mount_cam
+        T = segmenter.settle(self._candidates(segmenter))[0].T_mount_cam
         masks = [
             mask if counts else replace(mask, mask=None)
             for mask, counts in zip(segmenter.masks_at(T), count, strict=True)
@@ -251,7 +254,21 @@ class PictureStage:
         start = segmenter.solve(T, masks)
         weights = [float(counts) for counts in count]
         T = start.T_mount_cam
-        return refine_edges(segmenter.backgrounds(T), start, ids=ids, weights=weights).estimate
+        backgrounds = segmenter.backgrounds(T)
+        found = refine_edges(backgrounds, start, ids=ids, weights=weights).estimate
+        self.found = found.T_mount_cam
+        return found
+
+    def _candidates(self, segmenter: ClassicalSegmenter) -> list[Scored]:
+        """First poses, best first; the pose found before is one of them."""
+        if self.found is None:
+            return segmenter.first_pose()
+        score = PairScore(segmenter.scene, segmenter.changes, FINAL_TOLERANCE)
+        before = Scored(self.found, score(self.found))
+        try:
+            return sorted([before, *segmenter.first_pose()], key=lambda s: -s.score)
+        except CalibrationError:
+            return [before]
 
 
 def _near(T_a_cam: F64, T_a_other: F64) -> bool:

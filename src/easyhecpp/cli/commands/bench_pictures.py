@@ -53,13 +53,8 @@ class BenchPhoto:
 
     def run(self, command_line: str) -> int:
         """Run and print the table."""
-        from easyhecpp.bench.photo import (
-            ARMS,
-            PhotoBench,
-            photo_plot,
-            photo_table,
-            run_photo_bench,
-        )
+        from easyhecpp.bench.photo import ARMS, PhotoBench, run_photo_bench
+        from easyhecpp.bench.photo_table import photo_plot, photo_table
         from easyhecpp.bench.table import describe_machine
 
         bench = PhotoBench(

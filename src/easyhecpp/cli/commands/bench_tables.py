@@ -59,12 +59,8 @@ class BenchEyeToHand:
 
     def run(self, command_line: str) -> int:
         """Run and print the table."""
-        from easyhecpp.bench.eye_to_hand import (
-            EyeToHandBench,
-            eye_to_hand_plot,
-            eye_to_hand_table,
-            run_eye_to_hand,
-        )
+        from easyhecpp.bench.eye_to_hand import EyeToHandBench, run_eye_to_hand
+        from easyhecpp.bench.eye_to_hand_table import eye_to_hand_plot, eye_to_hand_table
         from easyhecpp.bench.table import describe_machine
 
         bench = EyeToHandBench(
