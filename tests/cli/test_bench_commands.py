@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from easyhecpp.bench.adam import AdamRow
 from easyhecpp.bench.baxter import BaxterBench
 from easyhecpp.bench.eye_to_hand import Step
 from easyhecpp.bench.init import InitRow
+from easyhecpp.bench.marker import MarkerRow
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.pck import KeypointErrors
 from easyhecpp.bench.photo import PhotoRow
@@ -50,6 +52,16 @@ TABLES: dict[str, tuple[list[str], str, Any]] = {
         ["baxter", "--scenes", "1"],
         "baxter.run_baxter_stand_in",
         BaxterBench("a test", {1: ERRORS, 2: ERRORS, 3: ERRORS}),
+    ),
+    "marker": (
+        ["marker", "--scenes", "1", "--board", "charuco"],
+        "marker.run_marker_bench",
+        (MarkerRow(0, "Tsai-Lenz", "ordinary", 20, 2.0, 0.1, 0.01), MarkerRow(0, "ours", "", 5)),
+    ),
+    "adam": (
+        ["adam", "--scenes", "1"],
+        "adam.run_adam_bench",
+        (AdamRow(0, "ours", 0.5, 0.1, 0.4), AdamRow(0, "Adam, last step", 0.6, 0.1, 20.0)),
     ),
     "real": (
         ["real", "."],
@@ -90,6 +102,9 @@ def test_a_table_is_printed_and_written_with_all_rows_and_a_plot(
         (["eye-to-hand", "--choose", "luck"], "called luck"),
         (["eye-to-hand", "--robot", "hal9000"], "no built-in robot"),
         (["init", "--scenes", "0"], "scenes is 0"),
+        (["marker", "--poses", "2"], "poses is 2"),
+        (["marker", "--robot", "hal9000"], "no built-in robot"),
+        (["adam", "--steps", "0"], "steps is 0"),
         (["targeting", "--trials", "0"], "trials is 0"),
         (["baxter", "--data", "nowhere"], "Cannot be read"),
         (["real", "nowhere"], "No capture below this folder"),
