@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scenes_small import photographed
 
+from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, perturb_about, pose_error, transform_points
 from easyhecpp.segment.classical.change import change_maps
-from easyhecpp.segment.classical.lines import line_posteriors, votes
+from easyhecpp.segment.classical.climb import climb
+from easyhecpp.segment.classical.lines import line_posteriors
 from easyhecpp.segment.classical.plate import PlateConfig, plate_distance, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
 from easyhecpp.segment.classical.search import (
@@ -76,21 +78,6 @@ def test_a_line_is_silent_where_the_background_is_unknown_or_nothing_differs():
     assert weight[0] == 0.0
 
 
-def test_votes_count_only_views_without_the_arm():
-    maps = np.zeros((3, 4, 4), np.float32)
-    maps[0], maps[1], maps[2] = 1.0, -0.5, 0.25
-    index = np.array([[-1, 0, 1], [0, -1, 2], [1, 2, -1]], np.int32)
-    covers = np.zeros((3, 4, 4), np.float32)
-    covers[2, :, 2:] = 1.0
-    covers[1, 3] = 1.0
-    out = np.empty((4, 4), np.float32)
-    votes(maps, index, covers, 0, 0.05, out)
-    assert out[0, 0] == pytest.approx(0.25)
-    assert out[0, 3] == pytest.approx(1.0)
-    assert out[3, 0] == pytest.approx(-0.5)
-    assert np.isnan(out[3, 3])
-
-
 def test_the_plate_has_several_states_and_may_hold_a_wrong_view():
     lab = np.zeros((6, 3, 3, 3), np.float32)
     lab[3:, ..., 0] = 50.0
@@ -148,6 +135,34 @@ def test_a_seed_is_turned_to_where_the_change_is():
     score = PairScore(scene, changes, 0.3)
     assert score(best.T_mount_cam) > score(inverse(turn))
     assert score(case.T_mount_cam) > 0.5
+
+
+def test_a_seed_climbs_to_the_truth():
+    case, scene = photographed(2), _scene()
+    changes = change_maps(load_pictures(case.images, case.camera, 4))
+    T_cam_mount = inverse(case.T_mount_cam)
+    centre = scene.centre_cam(T_cam_mount)
+    off = np.array([0.06, -0.05, 0.1, 0.12, -0.1, 0.1]) * np.array([*[centre[2]] * 3, 1, 1, 1])
+    start = inverse(perturb_about(T_cam_mount, centre, off))
+    score = PairScore(scene, changes, 0.1)
+    found = climb(score, scene, start, step=1.0, evaluations=250)
+    assert found.score == pytest.approx(score(found.T_mount_cam))
+    assert found.score > 0.95 * score(case.T_mount_cam)
+    assert _contour_error(scene, case, start) > 30.0
+    assert _contour_error(scene, case, found.T_mount_cam) < 6.0
+
+
+def test_a_shadow_is_no_change_beside_the_arm():
+    rng = np.random.default_rng(4)
+    wall = np.full((60, 80, 3), 120.0) + rng.normal(0.0, 1.0, (2, 60, 80, 3))
+    wall[0, 20:40, 10:30] = 230.0
+    y, x = np.mgrid[:60, :80]
+    wall[0] *= 1.0 - 0.12 * np.exp(-((x - 60.0) ** 2 + (y - 30.0) ** 2) / 150.0)[..., None]
+    images = [np.clip(w, 0, 255).astype(np.uint8) for w in wall]
+    camera = Camera(80, 60, 80.0, 80.0, 39.5, 29.5)
+    change = change_maps(load_pictures(images, camera, 1)).maps[0]
+    assert change[22:38, 12:28].mean() > 0.5
+    assert change[20:40, 50:70].mean() < -0.3
 
 
 def test_the_region_stage_brings_a_pose_home():

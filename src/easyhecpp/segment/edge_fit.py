@@ -198,7 +198,8 @@ class EdgeFit:
                     rms_px=float(np.sqrt((w * r.offset**2).sum() / total)) if total > 0 else 0.0,
                     iou=known[ids[i]].iou if ids[i] in known else float("nan"),
                     contour_px=float(len(w) * r.contour.spacing),
-                    outliers=float(np.mean(w < 0.25)) if len(w) else 0.0,
+                    # What shows no edge at all is counted by the edges' support.
+                    outliers=float(np.mean(w[r.found] < 0.25)) if r.found.any() else 0.0,
                     outlier_px=float(np.median(off)) if len(off) else 0.0,
                     noise_px=self.noise.sigma_px * float(self.noise.view_scale[i]),
                     flags=known[ids[i]].flags if ids[i] in known else (),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -19,6 +20,11 @@ NEIGHBOURHOOD_PX = 7
 
 NOISE_FACTOR = 3.0
 """Differences of this many standard deviations are as likely a change as not."""
+
+_STRONG_PERCENT, _SHARE_OF_STRONG = 90.0, 0.15
+"""So are differences of this share of a strong one, that of the percentile over all that exceeds
+the noise: an arm's shadow, and the light that it throws back, change a table over large areas, but
+by less than the arm itself."""
 
 
 @dataclass(frozen=True)
@@ -57,25 +63,34 @@ def change_maps(pictures: Pictures) -> ChangeMaps:
 
     The difference of blurred pictures is held against half of its own maximum nearby: an edge then
     is where the difference crosses half of its height, however strong it is. A threshold from the
-    noise alone would count the blur's tails and make everything too large.
+    noise alone would count the blur's tails and make everything too large, and shadows as well.
     """
     n = len(pictures)
     blurred = np.stack(parallel_map(lambda i: cv2.GaussianBlur(i, (0, 0), BLUR_PX), pictures.lab))
     i, j = np.triu_indices(n, k=1)
     pairs = np.column_stack([i, j]).astype(np.int32)
-    floor = NOISE_FACTOR * pictures.noise * np.sqrt(2.0)
-
-    def one(pair: NDArray[np.int32]) -> F32:
-        return _evidence(blurred[pair[0]], blurred[pair[1]], floor)
-
+    sizes = parallel_map(lambda pair: _difference(blurred[pair[0]], blurred[pair[1]]), pairs)
+    floor = _least_change(sizes, NOISE_FACTOR * pictures.noise * np.sqrt(2.0))
     index = np.full((n, n), -1, np.int32)
     index[i, j] = index[j, i] = np.arange(len(pairs))
-    return ChangeMaps(pairs, np.stack(parallel_map(one, pairs)), index, pictures.reduction)
+    maps = parallel_map(lambda size: _evidence(size, floor), sizes)
+    return ChangeMaps(pairs, np.stack(maps), index, pictures.reduction)
 
 
-def _evidence(a: F32, b: F32, floor: float) -> F32:
+def _difference(a: F32, b: F32) -> F32:
     difference = a - b
-    size = np.sqrt(np.einsum("hwc,hwc->hw", difference, difference))
+    return np.sqrt(np.einsum("hwc,hwc->hw", difference, difference))
+
+
+def _least_change(sizes: Sequence[F32], noise: float) -> float:
+    """The difference that is as likely a change as not."""
+    above = np.concatenate([size[size > noise] for size in sizes])
+    if len(above) == 0:
+        return noise
+    return max(noise, _SHARE_OF_STRONG * float(np.percentile(above, _STRONG_PERCENT)))
+
+
+def _evidence(size: F32, floor: float) -> F32:
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (NEIGHBOURHOOD_PX, NEIGHBOURHOOD_PX))
     highest = cv2.GaussianBlur(cv2.dilate(size, kernel), (0, 0), 1.5)
     middle = np.maximum(0.5 * highest, floor)

@@ -111,28 +111,3 @@ def line_posteriors(
         if information > 0.0:
             weight[s] = information
             mean[s] = min(max(m / variance / information, -float(half)), float(half))
-
-
-@jit
-def votes(
-    maps: F32, index: NDArray[np.int32], covers: F32, view: int, limit: float, out: F32
-) -> None:
-    """Evidence that a view's pixels show the arm: the mean change to the views without it there.
-
-    Args:
-        maps: ``(P, H, W)`` change of pairs; ``index`` ``(V, V)`` their numbers.
-        covers: ``(V, H, W)`` coverage, grown by what the pose may be off.
-        view: The view.
-        limit: Coverage up to which a view counts as without the arm.
-        out: ``(H, W)``; nan where the arm is in all other views.
-    """
-    n, height, width = covers.shape
-    for y in range(height):
-        for x in range(width):
-            total = np.float32(0.0)
-            count = 0
-            for other in range(n):
-                if other != view and covers[other, y, x] <= limit:
-                    total += maps[index[view, other], y, x]
-                    count += 1
-            out[y, x] = total / count if count > 0 else np.nan

@@ -87,8 +87,6 @@ def fit_regions(
     reduction: int,
     make: EvidenceMaker,
     rounds: Sequence[Round],
-    *,
-    coarse: bool = False,
 ) -> F64:
     """Robust Gauss-Newton on the displacements of all views.
 
@@ -98,7 +96,6 @@ def fit_regions(
         reduction: Size of the evidence.
         make: Makes the evidence from the coverage at the present pose.
         rounds: From far to near.
-        coarse: Whether simplified meshes will do.
 
     Returns:
         ``(4, 4)`` T_mount_cam; the start where too little of the arm is seen.
@@ -106,7 +103,7 @@ def fit_regions(
     T = inverse(T_mount_cam)
     for settings in rounds:
         for _ in range(settings.steps):
-            read = displacements(scene, T, reduction, make, settings, coarse=coarse)
+            read = displacements(scene, T, reduction, make, settings)
             step, moved = _step(read, settings)
             if step is None:
                 break
