@@ -16,8 +16,9 @@ from easyhecpp.bench.eye_to_hand import (
 )
 from easyhecpp.bench.eye_to_hand_table import eye_to_hand_plot, eye_to_hand_table
 from easyhecpp.bench.metrics import PoseError
-from easyhecpp.bench.stages import MaskStage, PossiblePoses
+from easyhecpp.bench.stages import MaskStage
 from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.sim.possible_poses import PossiblePoses
 from easyhecpp.sim.robots import load_robot
 
 BENCH = EyeToHandBench(2, 3, views=3, choose=("random",), size=(160, 90))
@@ -54,7 +55,7 @@ def test_a_stage_depends_on_its_seed_alone():
 
 def test_what_reaches_below_the_table_collides():
     stage = MaskStage.random(load_robot("xarm7"), (96, 54), [5, 1])
-    checker = PossiblePoses.of(stage)
+    checker = PossiblePoses.of(stage.poses)
     above = stage.poses.draw(1, np.random.default_rng(0))[0]
     below = np.array([0.0, 1.9, 0.0, 0.3, 0.0, 0.0, 0.0])  # leans over and down
     assert not stage.poses.is_free(below[None])[0]

@@ -20,7 +20,7 @@ from small_arm import scene, small_arm, write_urdf
 
 import easyhecpp.session
 from easyhecpp import __version__
-from easyhecpp.capture import Capture, View
+from easyhecpp.capture import Capture
 from easyhecpp.capture.write import RobotSource, write_capture
 from easyhecpp.cli import main
 from easyhecpp.errors import CalibrationError, MissingExtraError

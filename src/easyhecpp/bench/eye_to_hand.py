@@ -23,7 +23,6 @@ from easyhecpp.bench.scenes_pool import RowFile, in_order
 from easyhecpp.bench.stages import (
     MaskStage,
     PictureStage,
-    PossiblePoses,
     Stage,
     poses_for_any_camera,
 )
@@ -31,6 +30,7 @@ from easyhecpp.errors import EasyHecError, InputError
 from easyhecpp.explore import METHODS, ExploreConfig, Knowledge, choose_next
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import options_for
+from easyhecpp.sim.possible_poses import PossiblePoses
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.studio import FULL, mitsuba
 from easyhecpp.solve import PoseEstimate
@@ -180,7 +180,7 @@ def walk(
         After each view, what is known, and the pose itself.
     """
     rng = np.random.default_rng([seed, scene, zlib.crc32(method.encode())])
-    checker = PossiblePoses.of(stage)
+    checker = PossiblePoses.of(stage.poses)
     config = ExploreConfig(method=method)  # pyright: ignore[reportArgumentType]  # it checks
     taken: list[F64] = []
     estimate: PoseEstimate | None = None

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError
-from easyhecpp.explore import CollisionChecker, first_joint_poses
-from easyhecpp.explore.box_check import BoxCheck
+from easyhecpp.explore import first_joint_poses
 from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
@@ -26,6 +25,7 @@ from easyhecpp.sim.masks import Degradation, degrade_masks
 from easyhecpp.sim.options import CellOptions
 from easyhecpp.sim.placement import random_camera, tripod_camera
 from easyhecpp.sim.poses import PoseSampler
+from easyhecpp.sim.possible_poses import PossiblePoses
 from easyhecpp.sim.random_cell import stand_height
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import SimScene
@@ -80,33 +80,6 @@ class Stage(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class PossiblePoses:
-    """A collision test that knows the table and what stands on it.
-
-    Attributes:
-        arm: Knows collisions of links with each other.
-        poses: Knows the surroundings.
-    """
-
-    arm: CollisionChecker
-    poses: PoseSampler
-
-    @classmethod
-    def of(cls, stage: Stage) -> PossiblePoses:
-        """By the boxes of the links, and the stage's surroundings."""
-        return cls(BoxCheck(stage.rig.robot), stage.poses)
-
-    @property
-    def description(self) -> str:
-        """What is tested."""
-        return f"{self.arm.description} The table and what stands on it are known."
-
-    def collides(self, joints: F64) -> NDArray[np.bool_]:
-        """Which of (N, n) collide: (N,)."""
-        return np.asarray(self.arm.collides(joints)) | ~self.poses.is_free(joints)
-
-
 def poses_for_any_camera(robot: str, size: tuple[int, int], count: int, seed: int) -> F64:
     """Joint poses (count, n) that tell much wherever the camera stands, above the table."""
     stage = MaskStage.random(load_robot(robot), size, [seed])
@@ -115,7 +88,7 @@ def poses_for_any_camera(robot: str, size: tuple[int, int], count: int, seed: in
         stage.camera,
         count,
         np.random.default_rng(seed),
-        checker=PossiblePoses.of(stage),
+        checker=PossiblePoses.of(stage.poses),
     )
 
 

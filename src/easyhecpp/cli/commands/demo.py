@@ -12,7 +12,8 @@ from easyhecpp.cli.output import progress, say
 class Demo:
     """Calibrate a simulated camera from photo-real pictures alone, and compare with the truth.
 
-    No masks, no weights, no initial guess: six path-traced pictures of an arm in a random cell.
+    No masks, no weights, no initial guess: path-traced pictures of an arm in a random cell, four
+    at joint poses that suit any camera, two at joint poses chosen with what those told.
     """
 
     out: Path = Path("demo-calibration")
@@ -26,29 +27,31 @@ class Demo:
         import numpy as np
 
         from easyhecpp.geometry import pose_error
-        from easyhecpp.session import CalibrationConfig, calibrate
-        from easyhecpp.session.demo import photographed_capture
+        from easyhecpp.session.demo import demonstrate
         from easyhecpp.session.save import output_folder, save
 
         with output_folder(self.out), progress(quiet=False) as tell:
-            capture, cell = photographed_capture(np.random.default_rng(self.seed), tell)
-            found = calibrate(
-                capture,
-                CalibrationConfig(segmenter="classical"),
-                progress=tell,
-                command=command_line,
-            )
+            demo = demonstrate(np.random.default_rng(self.seed), tell, command_line)
             tell("writing the results")
-            save(found, self.out)
-        metres, radians = pose_error(found.T_mount_cam, cell.T_mount_cam)
-        sigma = found.result.sigma
-        truth, pose = cell.T_mount_cam[:3, 3], found.T_mount_cam[:3, 3]
+            save(demo.found, self.out)
+        truth, found = demo.cell.T_mount_cam, demo.found
+        if demo.first is not None:
+            metres, radians = pose_error(demo.first.T_mount_cam, truth)
+            say(
+                f"{len(demo.first.capture.views)} views for a camera that may be anywhere: error "
+                f"{1e3 * metres:.2f} mm, {np.degrees(radians):.3f} deg"
+            )
+        for choice in demo.choices:
+            say(f"  next joint pose: {choice}")
         say(f"verdict: {found.result.verdict}")
         for reason in found.result.reasons:
             say(f"  {reason}")
-        say("true camera position [m]   " + "  ".join(f"{v:+.5f}" for v in truth))
-        say("found camera position [m]  " + "  ".join(f"{v:+.5f}" for v in pose))
+        for name, T in (("true", truth), ("found", found.T_mount_cam)):
+            position = "  ".join(f"{v:+.5f}" for v in T[:3, 3])
+            say(f"{name + ' camera position [m]':<26} {position}")
+        metres, radians = pose_error(found.T_mount_cam, truth)
         say(f"error: {1e3 * metres:.2f} mm, {np.degrees(radians):.3f} deg")
+        sigma = found.result.sigma
         if sigma is not None:
             say(f"stated sigma: {sigma.position_mm:.2f} mm, {sigma.rotation_deg:.3f} deg")
         say(f"Look at {self.out / 'report.html'}.")
