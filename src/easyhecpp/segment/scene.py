@@ -68,12 +68,21 @@ class Scene:
             self._renderers[key] = SilhouetteRenderer(robot.meshes, camera)
         return self._renderers[key]
 
-    def coverages(self, T_cam_mount: F64, reduction: int, *, coarse: bool = False) -> F32:
-        """The arm's coverage in every view, ``(V, H, W)``; one thread."""
+    def coverages(
+        self,
+        T_cam_mount: F64,
+        reduction: int,
+        *,
+        coarse: bool = False,
+        views: NDArray[np.integer] | None = None,
+    ) -> F32:
+        """The arm's coverage in every view, or in some, ``(V, H, W)``; one thread."""
         renderer = self.renderer(reduction, coarse=coarse)
-        out = np.zeros((len(self), renderer.camera.height, renderer.camera.width), np.float32)
-        for view in range(len(self)):
-            renderer.coverage(T_cam_mount @ self.Ts_mount_link[view], out[view])
+        Ts_mount_link = self.Ts_mount_link if views is None else self.Ts_mount_link[views]
+        size = (len(Ts_mount_link), renderer.camera.height, renderer.camera.width)
+        out = np.zeros(size, np.float32)
+        for cover, Ts in zip(out, Ts_mount_link, strict=True):
+            renderer.coverage(T_cam_mount @ Ts, cover)
         return out
 
     def contours(

@@ -27,7 +27,10 @@ FINAL_TOLERANCE = 0.3
 """What a pixel without change counts against a refined pose, see :class:`.search.PairScore`."""
 
 _FAR_STEP, _NEAR_STEP = 1.0, 0.2
-_FAR_EVALUATIONS, _NEAR_EVALUATIONS = 150, 120
+_FAR_EVALUATIONS, _NEAR_EVALUATIONS = 120, 90
+
+_CLIMBING_VIEWS = 6
+"""Most views that the climb looks at; the last ranking looks at all."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +65,14 @@ def first_pose(scene: Scene, changes: ChangeMaps, config: FirstPoseConfig) -> li
     )
     far = {"metres": 0.15 * scene.radius, "radians": np.deg2rad(6.0)}
     near = {"metres": 0.05 * scene.radius, "radians": np.deg2rad(2.0)}
-    tolerant = PairScore(scene, changes.reduced(2), SEARCH_TOLERANCE)
+    tolerant = PairScore(scene, changes.reduced(2), SEARCH_TOLERANCE, _CLIMBING_VIEWS)
     found = distinct(rescored(seeds, tolerant), config.refined, **far)
     found = _climbed(scene, found, tolerant, _FAR_STEP, _FAR_EVALUATIONS)
     found = distinct(found, config.finalists, **far)
+    some = PairScore(scene, changes, FINAL_TOLERANCE, _CLIMBING_VIEWS)
+    found = _climbed(scene, found, some, _NEAR_STEP, _NEAR_EVALUATIONS)
     strict = PairScore(scene, changes, FINAL_TOLERANCE)
-    found = _climbed(scene, found, strict, _NEAR_STEP, _NEAR_EVALUATIONS)
-    return distinct(found, len(found), **near)
+    return distinct(rescored(found, strict), len(found), **near)
 
 
 def rescored(found: Sequence[Scored], score: Callable[[F64], float]) -> list[Scored]:

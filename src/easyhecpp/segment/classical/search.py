@@ -189,10 +189,9 @@ def _moved(camera: Camera, width: int, height: int, left: int, top: int) -> Came
 def informative_pairs(maps: F32, pairs: I32, count: int) -> NDArray[np.intp]:
     """Pairs with much change, among few views, every one of these about equally often."""
     gain = np.maximum(maps, 0.0).sum(axis=(1, 2)).astype(np.float64)
-    per_view = np.bincount(pairs.ravel(), np.repeat(gain, 2))
-    views = np.argsort(-per_view)[:SEARCH_VIEWS]
+    views = _changing_views(maps, pairs, SEARCH_VIEWS)
     gain[~np.isin(pairs, views).all(axis=1)] = -1.0
-    used = np.zeros(len(per_view))
+    used = np.zeros(int(pairs.max()) + 1)
     chosen: list[int] = []
     while len(chosen) < min(count, int(np.count_nonzero(gain >= 0.0))):
         value = np.where(gain >= 0.0, gain / (1.0 + used[pairs].sum(axis=1)), -1.0)
@@ -201,6 +200,13 @@ def informative_pairs(maps: F32, pairs: I32, count: int) -> NDArray[np.intp]:
         chosen.append(best)
         used[pairs[best]] += 1.0
     return np.array(chosen, np.intp)
+
+
+def _changing_views(maps: F32, pairs: I32, most: int | None) -> NDArray[np.intp]:
+    """The views with most change against the others, in their order."""
+    gain = np.maximum(maps, 0.0).sum(axis=(1, 2)).astype(np.float64)
+    per_view = np.bincount(pairs.ravel(), np.repeat(gain, 2))
+    return np.sort(np.argsort(-per_view, kind="stable")[:most])
 
 
 def _weighed(maps: F32) -> F32:
@@ -248,17 +254,29 @@ class PairScore:
         changes: Change between pairs of views; its size is the size of the comparison.
         tolerance: How much a pixel without change counts against a pose that moves the arm there,
             relative to one with change: low forgives a pose that is not yet exact.
+        most_views: Only so many views are looked at, those with most change; None for all.
     """
 
-    def __init__(self, scene: Scene, changes: ChangeMaps, tolerance: float) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        changes: ChangeMaps,
+        tolerance: float,
+        most_views: int | None = None,
+    ) -> None:
         self.scene = scene
-        self.changes = changes
-        self.maps = _weighed(np.maximum(changes.maps, np.float32(-tolerance)))
+        self.reduction = changes.reduction
+        self.views = _changing_views(changes.maps, changes.pairs, most_views)
+        within = np.isin(changes.pairs, self.views).all(axis=1)
+        self.pairs = np.searchsorted(self.views, changes.pairs[within]).astype(np.int32)
+        self.maps = _weighed(np.maximum(changes.maps[within], np.float32(-tolerance)))
 
     def __call__(self, T_mount_cam: F64) -> float:
         """Share of the change that the arm's motion explains, at most 1."""
-        covers = self.scene.coverages(inverse(T_mount_cam), self.changes.reduction, coarse=True)
-        total, available = _explained(covers, self.maps, self.changes.pairs)
+        covers = self.scene.coverages(
+            inverse(T_mount_cam), self.reduction, coarse=True, views=self.views
+        )
+        total, available = _explained(covers, self.maps, self.pairs)
         return total / max(available, 1.0)
 
 
