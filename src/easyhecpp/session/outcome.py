@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.capture import Capture
+from easyhecpp.geometry import inverse
 from easyhecpp.segment.protocols import CaptureMasks
 from easyhecpp.solve import Observation, PoseEstimate
 from easyhecpp.solve.consistency import Findings
+from easyhecpp.solve.problem import PoseProblem
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,19 @@ def observations_of(capture: Capture, masks: CaptureMasks) -> list[Observation]:
         for v in masks.views
         if v.mask is not None
     ]
+
+
+def with_overlaps(capture: Capture, outcome: Outcome) -> Outcome:
+    """The same pose, with each view's overlap of rendered and observed mask at this pose.
+
+    The edge stage does not look at masks, and hands on the overlaps of the pose that it began with.
+    """
+    problem = PoseProblem(capture.rig, capture.camera, observations_of(capture, outcome.masks))
+    T_cam_mount = inverse(outcome.estimate.T_mount_cam)
+    seen = problem.gather(T_cam_mount, 1, smoothing_px=0.0, spacing=4.0)
+    iou = {o.id: e.iou for o, e in zip(problem.observations, seen, strict=True)}
+    views = tuple(replace(v, iou=iou.get(v.id, v.iou)) for v in outcome.estimate.views)
+    return replace(outcome, estimate=replace(outcome.estimate, views=views))
 
 
 def _plain(
