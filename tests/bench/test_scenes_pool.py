@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import pytest
 
-from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.scenes_pool import RowFile, in_order, resumed
 from easyhecpp.errors import InputError
 
 
@@ -64,3 +65,29 @@ def test_without_a_path_nothing_is_written(tmp_path: Path):
     file.append({"scene": 3})
     assert file.rows == [{"scene": 3}]
     assert json.dumps(list(tmp_path.iterdir())) == "[]"
+
+
+@dataclass(frozen=True)
+class Squared:
+    scene: int
+    value: int
+
+
+def test_a_run_goes_on_where_it_was_interrupted(tmp_path: Path):
+    path, made = tmp_path / "rows.jsonl", []
+
+    def work(scene: int) -> list[Squared]:
+        made.append(scene)
+        if scene == 2 and made.count(2) == 1:
+            raise KeyboardInterrupt
+        return [Squared(scene, scene**2), Squared(scene, -(scene**2))]
+
+    def run(n: int) -> tuple[Squared, ...]:
+        return resumed(work, lambda row: Squared(**row), n, RowFile(path, {"seed": 1}))
+
+    with pytest.raises(KeyboardInterrupt):
+        run(4)
+    assert run(4) == tuple(Squared(k, s * k**2) for k in range(4) for s in (1, -1))
+    assert made == [0, 1, 2, 2, 3]
+    assert run(2) == (Squared(0, 0), Squared(0, 0), Squared(1, 1), Squared(1, -1))
+    assert made == [0, 1, 2, 2, 3], "fewer scenes are a part of the many"

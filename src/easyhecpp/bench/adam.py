@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from easyhecpp.baselines.adam import (
 )
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.published import FIRST_POSE
-from easyhecpp.bench.scenes_pool import RowFile
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.stages import MaskStage
 from easyhecpp.errors import EasyHecError, InputError
 from easyhecpp.geometry import exp_se3, inverse, perturb_about, transform_points
@@ -129,19 +129,7 @@ def run_adam_bench(
             raise InputError(f"{name} is {value}", expected="1 or more")
     load_robot(bench.robot)
     kept = RowFile(rows_file, bench.settings())
-    rows = {
-        row["scene"]: tuple(map(_row, row["rows"]))
-        for row in kept.rows
-        if row["scene"] < bench.scenes
-    }
-    for scene in range(bench.scenes):
-        if scene in rows:
-            continue
-        rows[scene] = adam_rows(bench, scene)
-        kept.append({"scene": scene, "rows": [asdict(row) for row in rows[scene]]})
-        if progress is not None:
-            progress(len(rows), rows[scene])
-    return tuple(row for scene in sorted(rows) for row in rows[scene])
+    return resumed(partial(adam_rows, bench), _row, bench.scenes, kept, progress=progress)
 
 
 def adam_rows(bench: AdamBench, scene: int) -> tuple[AdamRow, ...]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError
-from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.stages import (
     MaskStage,
     PictureStage,
@@ -131,17 +131,16 @@ def run_eye_to_hand(
     """
     _check(bench)
     kept = RowFile(rows_file, bench.settings())
-    scenes = {row["scene"]: _steps(row) for row in kept.rows if row["scene"] < bench.scenes}
-    missing = [k for k in range(bench.scenes) if k not in scenes]
-    # The path tracer keeps memory of its own: processes are replaced now and then.
-    renew = _RENEW_AFTER if bench.source == "images" else None
-    work = partial(scene_steps, bench, blind_poses(bench))
-    for k, steps in zip(missing, in_order(work, missing, workers, renew_after=renew), strict=True):
-        scenes[k] = steps
-        kept.append({"scene": k, "steps": [asdict(step) for step in steps]})
-        if progress is not None:
-            progress(len(scenes), steps)
-    return tuple(step for k in sorted(scenes) for step in scenes[k])
+    return resumed(
+        partial(scene_steps, bench, blind_poses(bench)),
+        lambda row: Step(**row),
+        bench.scenes,
+        kept,
+        workers=workers,
+        # The path tracer keeps memory of its own: processes are replaced now and then.
+        renew_after=_RENEW_AFTER if bench.source == "images" else None,
+        progress=progress,
+    )
 
 
 def scene_steps(bench: EyeToHandBench, blind: F64, scene: int) -> tuple[Step, ...]:
@@ -256,10 +255,6 @@ def blind_poses(bench: EyeToHandBench) -> F64:
     if bench.first == "zero":
         poses = np.concatenate([np.zeros_like(poses[:1]), poses[:-1]])
     return poses
-
-
-def _steps(row: dict[str, Any]) -> tuple[Step, ...]:
-    return tuple(Step(**step) for step in row["steps"])
 
 
 def _check(bench: EyeToHandBench) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from easyhecpp.bench.metrics import PoseError, summarise
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import FIRST_POSE
-from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.stages import MaskStage, poses_for_any_camera
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
 from easyhecpp.errors import EasyHecError, InputError
@@ -114,20 +114,15 @@ def run_init_bench(
             raise InputError(f"{name} is {value}", expected="1 or more")
     load_robot(bench.robot)
     kept = RowFile(rows_file, bench.settings())
-    rows = {
-        row["scene"]: tuple(InitRow(**r) for r in row["rows"])
-        for row in kept.rows
-        if row["scene"] < bench.scenes
-    }
-    missing = [scene for scene in range(bench.scenes) if scene not in rows]
     joints = poses_for_any_camera(bench.robot, bench.size, bench.views, bench.seed)
-    done = in_order(partial(init_rows, bench, joints), missing, workers)
-    for scene, found in zip(missing, done, strict=True):
-        rows[scene] = found
-        kept.append({"scene": scene, "rows": [asdict(row) for row in found]})
-        if progress is not None:
-            progress(len(rows), found)
-    return tuple(row for scene in sorted(rows) for row in rows[scene])
+    return resumed(
+        partial(init_rows, bench, joints),
+        lambda row: InitRow(**row),
+        bench.scenes,
+        kept,
+        workers=workers,
+        progress=progress,
+    )
 
 
 def init_rows(bench: InitBench, joints: F64, scene: int) -> tuple[InitRow, ...]:

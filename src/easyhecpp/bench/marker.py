@@ -25,7 +25,7 @@ from easyhecpp.baselines.hand_eye import MIN_VIEWS
 from easyhecpp.bench.metrics import PoseError, summarise
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import EYE_TO_HAND, MARKER
-from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.stages import MaskStage
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
 from easyhecpp.errors import EasyHecError, InputError
@@ -126,19 +126,14 @@ def run_marker_bench(
     """
     _check(bench)
     kept = RowFile(rows_file, bench.settings())
-    rows = {
-        row["scene"]: tuple(MarkerRow(**r) for r in row["rows"])
-        for row in kept.rows
-        if row["scene"] < bench.scenes
-    }
-    missing = [scene for scene in range(bench.scenes) if scene not in rows]
-    done = in_order(partial(marker_rows, bench), missing, workers)
-    for scene, found in zip(missing, done, strict=True):
-        rows[scene] = found
-        kept.append({"scene": scene, "rows": [asdict(row) for row in found]})
-        if progress is not None:
-            progress(len(rows), found)
-    return tuple(row for scene in sorted(rows) for row in rows[scene])
+    return resumed(
+        partial(marker_rows, bench),
+        lambda row: MarkerRow(**row),
+        bench.scenes,
+        kept,
+        workers=workers,
+        progress=progress,
+    )
 
 
 def marker_rows(bench: MarkerBench, scene: int) -> tuple[MarkerRow, ...]:

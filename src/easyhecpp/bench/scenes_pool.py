@@ -7,6 +7,7 @@ import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -61,6 +62,42 @@ def _remember(work: Callable[[Any], Any]) -> None:
 
 def _do_remembered(job: Any) -> Any:
     return _remembered[0](job)
+
+
+def resumed(
+    work: Callable[[int], Sequence[Row]],
+    read: Callable[[dict[str, Any]], Row],
+    n_scenes: int,
+    kept: RowFile,
+    *,
+    workers: int = 1,
+    renew_after: int | None = None,
+    progress: Callable[[int, tuple[Row, ...]], None] | None = None,
+) -> tuple[Row, ...]:
+    """The rows of scenes 0 to ``n_scenes``; those that a file holds are not made again.
+
+    Args:
+        work: Makes the rows of a scene, dataclasses; see `in_order`.
+        read: A row from its plain values.
+        n_scenes: How many scenes are wanted.
+        kept: Holds the rows of earlier runs, and takes the new ones as they come.
+        workers: Processes side by side.
+        renew_after: Scenes of a process after which it is replaced.
+        progress: Called with the number of finished scenes and the rows of the last.
+    """
+    rows: dict[int, tuple[Row, ...]] = {
+        entry["scene"]: tuple(read(row) for row in entry["rows"])
+        for entry in kept.rows
+        if entry["scene"] < n_scenes
+    }
+    missing = [scene for scene in range(n_scenes) if scene not in rows]
+    made = in_order(work, missing, workers, renew_after=renew_after)
+    for scene, found in zip(missing, made, strict=True):
+        rows[scene] = tuple(found)
+        kept.append({"scene": scene, "rows": [asdict(row) for row in rows[scene]]})  # pyright: ignore[reportArgumentType]  # a dataclass
+        if progress is not None:
+            progress(len(rows), rows[scene])
+    return tuple(row for scene in sorted(rows) for row in rows[scene])
 
 
 class RowFile:

@@ -9,7 +9,7 @@ ruler is the distance from the tip to the corner; here it is exact.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from easyhecpp.bench.eye_to_hand import EyeToHandBench, blind_poses, make_stage,
 from easyhecpp.bench.metrics import Spread
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import TARGETING_MM
-from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.stages import Stage
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
 from easyhecpp.errors import EasyHecError, InputError
@@ -70,7 +70,7 @@ def run_targeting(
     *,
     rows_file: Path | None = None,
     workers: int = 1,
-    progress: Callable[[int], None] | None = None,
+    progress: Callable[[int, tuple[Target, ...]], None] | None = None,
 ) -> tuple[Target, ...]:
     """Calibrate scenes, and send the tip to corners.
 
@@ -79,7 +79,7 @@ def run_targeting(
         trials: Corners per scene.
         rows_file: Keeps finished scenes; they are not done again.
         workers: Processes side by side.
-        progress: Called with the number of finished scenes.
+        progress: Called with the number of finished scenes and the attempts of the last.
 
     Raises:
         InputError: Nonsensical counts or names, or a file of other settings.
@@ -91,19 +91,14 @@ def run_targeting(
     tip_link(bench.robot)
     settings: dict[str, Any] = {**bench.settings(), "trials": trials}
     kept = RowFile(rows_file, settings)
-    rows = {
-        row["scene"]: [Target(**target) for target in row["targets"]]
-        for row in kept.rows
-        if row["scene"] < bench.scenes
-    }
-    missing = [scene for scene in range(bench.scenes) if scene not in rows]
-    work = partial(scene_targets, bench, trials, blind_poses(bench))
-    for scene, found in zip(missing, in_order(work, missing, workers), strict=True):
-        rows[scene] = found
-        kept.append({"scene": scene, "targets": [asdict(target) for target in found]})
-        if progress is not None:
-            progress(len(rows))
-    return tuple(target for scene in sorted(rows) for target in rows[scene])
+    return resumed(
+        partial(scene_targets, bench, trials, blind_poses(bench)),
+        lambda row: Target(**row),
+        bench.scenes,
+        kept,
+        workers=workers,
+        progress=progress,
+    )
 
 
 def scene_targets(bench: EyeToHandBench, trials: int, blind: F64, scene: int) -> list[Target]:

@@ -64,7 +64,7 @@ class BenchTargeting:
                 self.trials,
                 rows_file=rows_file(self.out),
                 workers=self.workers,
-                progress=lambda done: tell(f"{done} of {self.scenes} scenes"),
+                progress=lambda done, _: tell(f"{done} of {self.scenes} scenes"),
             )
         publish(
             targeting_table(bench, targets),
