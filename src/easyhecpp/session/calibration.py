@@ -15,7 +15,7 @@ from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
 from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.masks import ChosenSource, choose_source
-from easyhecpp.session.outcome import Outcome, with_overlaps
+from easyhecpp.session.outcome import Outcome, with_final_views
 from easyhecpp.session.refinement import refine
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
@@ -129,7 +129,7 @@ def calibrate(
         outcome = refine_on_edges(capture, outcome, stages)
     outcome = refined.with_doubt(outcome)
     if outcome.before_edges is not None:
-        outcome = with_overlaps(capture, outcome)
+        outcome = with_final_views(capture, outcome)
     verdict = judge(
         outcome.estimate,
         outcome.findings,

@@ -12,6 +12,7 @@ from easyhecpp.geometry import inverse
 from easyhecpp.segment.protocols import CaptureMasks
 from easyhecpp.solve import Observation, PoseEstimate
 from easyhecpp.solve.consistency import Findings
+from easyhecpp.solve.leave_out import leave_one_out
 from easyhecpp.solve.problem import PoseProblem
 
 
@@ -48,16 +49,22 @@ def observations_of(capture: Capture, masks: CaptureMasks) -> list[Observation]:
     ]
 
 
-def with_overlaps(capture: Capture, outcome: Outcome) -> Outcome:
-    """The same pose, with each view's overlap of rendered and observed mask at this pose.
+def with_final_views(capture: Capture, outcome: Outcome) -> Outcome:
+    """The same pose, with what is said about each view stated for this pose.
 
-    The edge stage does not look at masks, and hands on the overlaps of the pose that it began with.
+    That is the overlap of rendered and observed mask, and how well the other views predict its
+    outline. The edge stage, which does not look at masks, hands on those of where it began.
     """
     problem = PoseProblem(capture.rig, capture.camera, observations_of(capture, outcome.masks))
     T_cam_mount = inverse(outcome.estimate.T_mount_cam)
     seen = problem.gather(T_cam_mount, 1, smoothing_px=0.0, spacing=4.0)
     iou = {o.id: e.iou for o, e in zip(problem.observations, seen, strict=True)}
-    views = tuple(replace(v, iou=iou.get(v.id, v.iou)) for v in outcome.estimate.views)
+    views = tuple(
+        replace(view, iou=iou.get(view.id, view.iou), prediction_px=prediction.rms_px)
+        for view, prediction in zip(
+            outcome.estimate.views, leave_one_out(outcome.estimate), strict=True
+        )
+    )
     return replace(outcome, estimate=replace(outcome.estimate, views=views))
 
 
