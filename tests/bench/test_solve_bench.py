@@ -104,7 +104,7 @@ def test_rows_tables_and_masks(robot: Robot, oracle: Oracle) -> None:
         seed=SEED,
         cases=FEW_CASES,
         calibrate=oracle,
-        progress=done.append,
+        progress=lambda n, _: done.append(n),
         **SMALL,
     )
     assert done == [1, 2]
@@ -149,7 +149,7 @@ def test_rows_tables_and_masks(robot: Robot, oracle: Oracle) -> None:
     assert lines["noisy, 1 view"][2] == "1 of 2 (9-91 %)"
     assert lines["exact"][3] == pytest.approx(2.0, rel=1e-3)
     assert lines["without the blob's view"][1] == 4
-    content = json.loads(bench.to_json())
+    content = json.loads(table.to_json(**bench.record()))
     assert content["seed"] == SEED
     assert content["scene_options"] == SMALL
     assert len(content["all_rows"]) == len(bench.rows)

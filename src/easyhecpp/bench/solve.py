@@ -8,18 +8,22 @@ noise's settings too: every row can be repeated alone, whatever else was run.
 
 from __future__ import annotations
 
+import math
 import time
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError, chi_square, ellipsoid_share, summarise
-from easyhecpp.bench.scenes_pool import in_order
+from easyhecpp.bench.plots import cumulative_plot
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.table import Table, describe_machine, machine_sentence
 from easyhecpp.camera import Camera
 from easyhecpp.errors import EasyHecError
@@ -161,16 +165,16 @@ class SolveBench:
     scene_options: dict[str, Any]
     machine: dict[str, Any] = field(default_factory=describe_machine)
 
-    def to_json(self) -> str:
-        """Summary and all rows."""
-        return solve_table(self).to_json(
-            robot=self.robot,
-            seed=self.seed,
-            scene_options=self.scene_options,
-            cases=[asdict(case) for case in self.cases],
-            all_rows=[asdict(row) for row in self.rows],
-            machine=self.machine,
-        )
+    def record(self) -> dict[str, Any]:
+        """Everything that belongs beside the table in a file."""
+        return {
+            "robot": self.robot,
+            "seed": self.seed,
+            "scene_options": self.scene_options,
+            "cases": [asdict(case) for case in self.cases],
+            "all_rows": [asdict(row) for row in self.rows],
+            "machine": self.machine,
+        }
 
 
 def calibrate_from_nothing(
@@ -200,7 +204,8 @@ def run_solve_bench(
     cases: Sequence[Case] = CASES,
     workers: int = 1,
     calibrate: Calibrate = calibrate_from_nothing,
-    progress: Callable[[int], None] | None = None,
+    rows_file: Path | None = None,
+    progress: Callable[[int, tuple[SolveRow, ...]], None] | None = None,
     **scene_options: Any,
 ) -> SolveBench:
     """Calibrate simulated scenes from nothing and compare with the truth.
@@ -212,18 +217,44 @@ def run_solve_bench(
         cases: the lines of the table.
         workers: processes side by side; timings are honest with one only.
         calibrate: what is measured; a function at the top of a module, if there are workers.
-        progress: called with the number of scenes done.
+        rows_file: keeps finished scenes; they are not done again.
+        progress: called with the number of scenes done and the rows of the last.
         scene_options: passed on to `easyhecpp.sim.scenes.random_scene`.
     """
     job = _Job(robot, seed, tuple(cases), calibrate, scene_options)
-    rows: list[SolveRow] = []
-    for done, scene_rows in enumerate(
-        in_order(partial(_run_scene, job), range(n_scenes), workers), start=1
-    ):
-        rows += scene_rows
-        if progress is not None:
-            progress(done)
-    return SolveBench(robot.name, seed, job.cases, tuple(rows), scene_options)
+    settings = {
+        "robot": robot.name,
+        "seed": seed,
+        "cases": [asdict(case) for case in job.cases],
+        "scene_options": scene_options,
+    }
+    rows = resumed(
+        partial(_run_scene, job),
+        _read_row,
+        n_scenes,
+        RowFile(rows_file, settings),
+        workers=workers,
+        progress=progress,
+    )
+    return SolveBench(robot.name, seed, job.cases, rows, scene_options)
+
+
+def solve_plot(bench: SolveBench) -> Figure:
+    """Share of scenes over the error, one line a case."""
+    names = [case.name for case in bench.cases if case.fault is None]
+    series = {
+        name: [
+            math.inf if row.error is None else row.error.position_mm
+            for row in bench.rows
+            if row.case == name
+        ]
+        for name in names
+    }
+    return cumulative_plot(
+        series,
+        title=f"{bench.robot}, {_scene_count(bench)} simulated scenes",
+        label="error of the camera's centre, mm",
+    )
 
 
 def solve_table(bench: SolveBench) -> Table:
@@ -296,6 +327,16 @@ class _Job:
     cases: tuple[Case, ...]
     calibrate: Calibrate
     scene_options: dict[str, Any]
+
+
+def _read_row(row: dict[str, Any]) -> SolveRow:
+    plain = dict(row)
+    error, first = plain.pop("error"), plain.pop("first_error")
+    return SolveRow(
+        **plain,
+        error=None if error is None else PoseError(**error),
+        first_error=None if first is None else PoseError(**first),
+    )
 
 
 def _run_scene(job: _Job, index: int) -> list[SolveRow]:

@@ -10,15 +10,20 @@ from `default_rng([s, i])`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError, chi_square, ellipsoid_share
-from easyhecpp.bench.scenes_pool import in_order
+from easyhecpp.bench.plots import cumulative_plot
+from easyhecpp.bench.scenes_pool import RowFile, resumed
 from easyhecpp.bench.table import Table
 from easyhecpp.bench.trust_scenes import FAMILIES, TrustCase, build_case
 from easyhecpp.errors import EasyHecError
@@ -66,7 +71,8 @@ def run_trust_bench(
     seed: int,
     workers: int = 1,
     width: int = 640,
-    progress: Callable[[int], None] | None = None,
+    rows_file: Path | None = None,
+    progress: Callable[[int, tuple[TrustRow, ...]], None] | None = None,
 ) -> tuple[TrustRow, ...]:
     """Calibrate simulated scenes and compare verdict and error bar with the truth.
 
@@ -76,17 +82,37 @@ def run_trust_bench(
         seed: Decides all of them.
         workers: Processes side by side.
         width: Of the pictures, pixels; 16 : 9.
-        progress: Called with the number of scenes done.
+        rows_file: Keeps finished scenes; they are not done again.
+        progress: Called with the number of scenes done, of every family one, and their rows.
     """
-    jobs = [(family, scene) for scene in range(n_scenes) for family in families]
-    rows = []
-    for done, row in enumerate(
-        in_order(partial(_row, seed=seed, width=width), jobs, workers), start=1
-    ):
-        rows.append(row)
-        if progress is not None:
-            progress(done)
-    return tuple(rows)
+    settings = {"families": list(families), "seed": seed, "width": width}
+    return resumed(
+        partial(_scene_rows, tuple(families), seed, width),
+        _read_row,
+        n_scenes,
+        RowFile(rows_file, settings),
+        workers=workers,
+        progress=progress,
+    )
+
+
+def trust_plot(rows: Sequence[TrustRow]) -> Figure:
+    """Share of scenes over the chi-square of the true error, honest families."""
+    honest = [row for row in rows if row.family.startswith("honest, ")]
+    series = {
+        family.removeprefix("honest, "): [
+            math.inf if row.chi_square is None else row.chi_square
+            for row in honest
+            if row.family == family
+        ]
+        for family in dict.fromkeys(row.family for row in honest)
+    }
+    return cumulative_plot(
+        series,
+        title="Is the error bar honest?",
+        label="chi-square of the true error, 6 degrees of freedom",
+        marks={"median wanted": 5.35, "95 % wanted": 12.59},
+    )
 
 
 def trust_table(rows: Sequence[TrustRow], title: str) -> Table:
@@ -127,8 +153,21 @@ def trust_table(rows: Sequence[TrustRow], title: str) -> Table:
     )
 
 
-def _row(job: tuple[str, int], *, seed: int, width: int) -> TrustRow:
-    family, scene = job
+def _read_row(row: dict[str, Any]) -> TrustRow:
+    plain = dict(row)
+    error, reasons = plain.pop("error"), plain.pop("reasons")
+    return TrustRow(
+        **plain, error=None if error is None else PoseError(**error), reasons=tuple(reasons)
+    )
+
+
+def _scene_rows(
+    families: tuple[str, ...], seed: int, width: int, scene: int
+) -> tuple[TrustRow, ...]:
+    return tuple(_row(family, scene, seed, width) for family in families)
+
+
+def _row(family: str, scene: int, seed: int, width: int) -> TrustRow:
     case = build_case(family, np.random.default_rng([seed, scene]), width)
     good = len(case.observations) - len(case.wrong)
     row = TrustRow(family, scene, "failed", wrong=len(case.wrong), good=good)

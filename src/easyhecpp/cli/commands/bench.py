@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from easyhecpp.cli.commands.bench_recordings import BenchReal, BenchRepeat
 from easyhecpp.cli.commands.bench_tables import BenchEyeToHand, BenchInit
 from easyhecpp.cli.commands.bench_tasks import BenchBaxter, BenchTargeting
 from easyhecpp.cli.output import complain, progress
-from easyhecpp.cli.publish import publish
+from easyhecpp.cli.publish import publish, rows_file
 from easyhecpp.errors import InputError
 
 
@@ -36,11 +36,12 @@ class BenchSolve:
     """Processes side by side; the seconds in the table are honest with one only."""
 
     out: Path | None = None
-    """Markdown file to write; a .json of all scenes is written beside it."""
+    """Markdown file to write; a .json and a .png stand beside it, and a .rows.jsonl that an
+    interrupted run goes on from."""
 
     def run(self, command_line: str) -> int:
         """Run and print the table."""
-        from easyhecpp.bench.solve import run_solve_bench, solve_table
+        from easyhecpp.bench.solve import run_solve_bench, solve_plot, solve_table
         from easyhecpp.sim.robots import load_robot
 
         robot = load_robot(self.robot)
@@ -50,9 +51,11 @@ class BenchSolve:
                 n_scenes=self.scenes,
                 seed=self.seed,
                 workers=self.workers,
-                progress=lambda done: tell(f"{done} of {self.scenes} scenes"),
+                rows_file=rows_file(self.out),
+                progress=lambda done, _: tell(f"{done} of {self.scenes} scenes"),
             )
-        publish(solve_table(bench), self.out, command_line)
+        table, figure = solve_table(bench), solve_plot(bench)
+        publish(table, self.out, command_line, figure=figure, **bench.record())
         return 0
 
 
@@ -76,11 +79,12 @@ class BenchTrust:
     """Only families whose name begins with one of these words; all when left out."""
 
     out: Path | None = None
-    """Markdown file to write; a .json of the table is written beside it."""
+    """Markdown file to write; a .json and a .png stand beside it, and a .rows.jsonl that an
+    interrupted run goes on from."""
 
     def run(self, command_line: str) -> int:
         """Run and print the table."""
-        from easyhecpp.bench.trust import run_trust_bench, trust_table
+        from easyhecpp.bench.trust import run_trust_bench, trust_plot, trust_table
         from easyhecpp.bench.trust_scenes import FAMILIES
 
         chosen = tuple(n for n in FAMILIES if not self.families or n.startswith(self.families))
@@ -89,7 +93,6 @@ class BenchTrust:
                 f"No family's name begins with {', '.join(self.families)}",
                 expected=f"beginnings of {'; '.join(FAMILIES)}",
             )
-        total = self.scenes * len(chosen)
         with progress(quiet=False) as tell:
             rows = run_trust_bench(
                 chosen,
@@ -97,9 +100,16 @@ class BenchTrust:
                 seed=self.seed,
                 workers=self.workers,
                 width=self.width,
-                progress=lambda done: tell(f"{done} of {total} scenes"),
+                rows_file=rows_file(self.out),
+                progress=lambda done, _: tell(f"{done} of {self.scenes} scenes of each family"),
             )
-        publish(trust_table(rows, f"xarm7, seed {self.seed}"), self.out, command_line)
+        publish(
+            trust_table(rows, f"xarm7, seed {self.seed}"),
+            self.out,
+            command_line,
+            figure=trust_plot(rows),
+            all_rows=[asdict(row) for row in rows],
+        )
         return 0
 
 
