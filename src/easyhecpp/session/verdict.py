@@ -16,13 +16,13 @@ from easyhecpp.solve.workspace import point_sigma_mm
 
 Word = Literal["ok", "doubtful", "failed"]
 
-_FAILED_IOU, _DOUBTFUL_IOU = 0.6, 0.85
+_FAILED_IOU, _DOUBTFUL_IOU = 0.6, 0.9
 _DOUBTFUL_OUTLIERS = 0.3
 _SMALLEST_MARGIN = 0.03
 _SHORT_CONTOUR_PX = 500.0
 _DOUBTFUL_ERROR, _FAILED_ERROR = 0.006, 0.05
 _FEWEST_AGREEING, _LARGEST_SHARE_OUT = 2, 0.26
-_STRAIN_Z = 4.5
+_STRAIN_Z = 4.0
 _STRAIN_SIZE = {"focal": 0.008, "cx": 8.0, "cy": 8.0}
 _STRAIN_JOINT = 0.006
 
