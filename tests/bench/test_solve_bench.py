@@ -15,8 +15,8 @@ from easyhecpp.bench.solve import (
     Case,
     Outcome,
     run_solve_bench,
-    solve_table,
 )
+from easyhecpp.bench.solve_table import solve_table
 from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError
 from easyhecpp.geometry import exp_se3

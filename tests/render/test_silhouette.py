@@ -480,7 +480,9 @@ class TestCache:
         assert jit_module._cache_usable()
         assert Path(jit_module.numba.config.CACHE_DIR).parent == tmp_path
 
-    @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners of files here")
+    @pytest.mark.skipif(
+        not hasattr(os, "getuid"), reason="files have no owners on this system (Windows)"
+    )
     def test_never_somebody_elses_folder(
         self, numba_cache: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     ) -> None:

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 
 import numpy as np
 import pytest
@@ -89,8 +88,6 @@ def test_other_settings_are_another_data_set(dataset, tmp_path):
 
 
 def test_processes_make_the_same_scenes(dataset, tmp_path):
-    if (os.cpu_count() or 1) < 2:
-        pytest.skip("needs two cores")
     folders = generate_scenes(tmp_path, 2, seed=5, **{**WHAT, "workers": 2})
     for mine, theirs in zip(folders, dataset[1], strict=True):
         for name in (TRUTH, "images/0000.png", "masks/0001.png", "depth/0000.png", "joints.csv"):

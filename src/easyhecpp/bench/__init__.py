@@ -7,8 +7,8 @@ from easyhecpp.bench.solve import (
     SolveBench,
     SolveRow,
     run_solve_bench,
-    solve_table,
 )
+from easyhecpp.bench.solve_table import solve_table
 from easyhecpp.bench.table import Table, describe_machine
 
 __all__ = [

@@ -98,9 +98,7 @@ class AdamRow:
     @property
     def error(self) -> PoseError | None:
         """Of the pose; None where there is none."""
-        if self.position_mm is None or self.rotation_deg is None:
-            return None
-        return PoseError(self.position_mm, self.rotation_deg)
+        return PoseError.of(self.position_mm, self.rotation_deg)
 
 
 OURS, LAST, BEST = "ours", "Adam, last step", "Adam, step of least loss"

@@ -105,9 +105,7 @@ class Step:
     @property
     def error(self) -> PoseError | None:
         """Of the pose; None where there is none."""
-        if self.position_mm is None or self.rotation_deg is None:
-            return None
-        return PoseError(self.position_mm, self.rotation_deg)
+        return PoseError.of(self.position_mm, self.rotation_deg)
 
 
 def run_eye_to_hand(

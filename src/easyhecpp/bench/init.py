@@ -87,7 +87,7 @@ class InitRow:
         """Before or after the refinement."""
         mm = self.refined_mm if refined else self.position_mm
         degrees = self.refined_deg if refined else self.rotation_deg
-        return None if mm is None or degrees is None else PoseError(mm, degrees)
+        return PoseError.of(mm, degrees)
 
 
 def run_init_bench(

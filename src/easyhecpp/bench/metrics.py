@@ -36,6 +36,13 @@ class PoseError:
         metres, radians = pose_error(T_a_cam_est, T_a_cam_true)
         return cls(1000.0 * metres, math.degrees(radians))
 
+    @classmethod
+    def of(cls, position_mm: float | None, rotation_deg: float | None) -> PoseError | None:
+        """From numbers that are None where no pose was found."""
+        if position_mm is None or rotation_deg is None:
+            return None
+        return cls(position_mm, rotation_deg)
+
     @property
     def is_right(self) -> bool:
         """Whether it is in the right basin: within 20 mm and 2 deg."""

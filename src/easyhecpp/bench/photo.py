@@ -110,12 +110,12 @@ class PhotoRow:
     @property
     def error(self) -> PoseError | None:
         """Of the pose that a user gets."""
-        return _error(self.position_mm, self.rotation_deg)
+        return PoseError.of(self.position_mm, self.rotation_deg)
 
     @property
     def before(self) -> PoseError | None:
         """Of the pose before the edge stage."""
-        return _error(self.before_mm, self.before_deg)
+        return PoseError.of(self.before_mm, self.before_deg)
 
     @property
     def is_right(self) -> bool:
@@ -240,12 +240,6 @@ def _place(folder: Path | None) -> Iterator[Path]:
 def _row_from(values: dict[str, Any]) -> PhotoRow:
     reasons = tuple(values.pop("reasons"))
     return PhotoRow(**values, reasons=reasons)
-
-
-def _error(millimetres: float | None, degrees: float | None) -> PoseError | None:
-    if millimetres is None or degrees is None:
-        return None
-    return PoseError(millimetres, degrees)
 
 
 def _text(error: Exception) -> str:

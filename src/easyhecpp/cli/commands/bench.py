@@ -41,7 +41,8 @@ class BenchSolve:
 
     def run(self, command_line: str) -> int:
         """Run and print the table."""
-        from easyhecpp.bench.solve import run_solve_bench, solve_plot, solve_table
+        from easyhecpp.bench.solve import run_solve_bench
+        from easyhecpp.bench.solve_table import solve_plot, solve_table
         from easyhecpp.sim.robots import load_robot
 
         robot = load_robot(self.robot)
