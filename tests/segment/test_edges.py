@@ -9,7 +9,6 @@ from scenes_small import photographed
 from easyhecpp.geometry import inverse, perturb_about, pose_error
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
 from easyhecpp.segment.backgrounds import Backgrounds
-from easyhecpp.segment.edge_fit import joint_twists
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edges import refine_edges
 from easyhecpp.segment.scene import Scene
@@ -119,22 +118,6 @@ def test_support_tells_a_right_pose_from_a_wrong_one():
     other = EdgeReader(Backgrounds(scene, case.images, wrong)).support(wrong)
     assert right.share > 0.75
     assert other.share < 0.36
-
-
-def test_joint_twists_are_the_derivative_of_the_links():
-    case = photographed(0)
-    scene = Scene(case.rig, case.camera, case.joints)
-    T = inverse(case.T_mount_cam)
-    twists = joint_twists(scene, T)
-    step = 1e-3
-    q = case.joints[1].copy()
-    q[2] += step
-    for link in range(len(case.rig.robot.link_names)):
-        moved = T @ case.rig.Ts_mount_link(q)[link]
-        expected = perturb_about(
-            T @ scene.Ts_mount_link[1, link], scene.centre_cam(T), step * twists[1, 2, link]
-        )
-        np.testing.assert_allclose(moved, expected, atol=1e-5)
 
 
 def _start(case, delta):

@@ -13,12 +13,12 @@ def test_views_that_contradict_each_other_widen_the_error_bar():
     N = information.sum(axis=0)
     agreeing = rng.normal(size=(8, 7)) * 10.0
     solution = np.linalg.solve(N, agreeing.sum(axis=0))
-    usual = between_views(N, information, agreeing, solution)
+    usual = between_views(N, N, information, agreeing, solution)
     assert (np.diag(usual) > 0.99 / 800.0).all()
     assert (np.diag(usual) < 2.5 / 800.0).all()
     fighting = agreeing * 10.0
     solution = np.linalg.solve(N, fighting.sum(axis=0))
-    assert np.trace(between_views(N, information, fighting, solution)) > 10.0 * np.trace(usual)
+    assert np.trace(between_views(N, N, information, fighting, solution)) > 10.0 * np.trace(usual)
 
 
 def test_noise_as_the_model_expects_it_leaves_the_error_bar_nearly_alone():
@@ -29,6 +29,20 @@ def test_noise_as_the_model_expects_it_leaves_the_error_bar_nearly_alone():
     ratios = []
     for _ in range(200):
         vectors = np.einsum("vij,vj->vi", root, rng.normal(size=(5, 7)))
-        spread = between_views(N, information, vectors, np.linalg.solve(N, vectors.sum(axis=0)))
+        spread = between_views(N, N, information, vectors, np.linalg.solve(N, vectors.sum(axis=0)))
         ratios.append(np.trace(N @ spread) / 7.0)
     assert 1.0 <= np.mean(ratios) < 1.3
+
+
+def test_pulls_that_the_model_expects_to_be_wider_are_no_contradiction():
+    """Weights that leave out a noise source: the error bar is that of the whole noise."""
+    rng = np.random.default_rng(3)
+    information = np.stack([np.eye(7) * 100.0] * 8)
+    N = information.sum(axis=0)
+    traces = []
+    for _ in range(200):
+        vectors = rng.normal(size=(8, 7)) * 30.0
+        solution = np.linalg.solve(N, vectors.sum(axis=0))
+        traces.append(np.trace(between_views(N, 9.0 * N, information, vectors, solution)))
+    true = 7.0 * 9.0 / 800.0
+    assert true <= np.mean(traces) < 1.4 * true

@@ -13,7 +13,7 @@ from easyhecpp.geometry import exp_se3, inverse
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.session.verdict import judge
 from easyhecpp.solve.consistency import Findings, solve_consistent
-from easyhecpp.solve.joint_jacobians import joint_jacobians
+from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.nuisance import strains
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.types import PoseEstimate
@@ -92,13 +92,15 @@ def test_one_view_alone_is_never_ok(good):
     assert any("single view" in reason for reason in verdict.reasons)
 
 
-def test_joint_jacobians_agree_with_finite_differences_of_the_projection(good):
+def test_displacements_by_joints_agree_with_finite_differences_of_the_projection(good):
     joints = good.observations[0].joints
     T_cam_mount = inverse(good.T_mount_cam)
     renderer = SilhouetteRenderer(good.rig.robot.meshes, good.camera)
     Ts = T_cam_mount @ good.rig.Ts_mount_link(joints)
-    contour, _ = renderer.contour(Ts, np.array([0.0, 0.0, 1.0]), spacing=20.0)
-    J = joint_jacobians(good.rig, good.camera, joints, T_cam_mount, contour)
+    centre = np.array([0.0, 0.0, 1.0])
+    contour, _ = renderer.contour(Ts, centre, spacing=20.0)
+    twists = joint_twists(good.rig, joints, T_cam_mount, centre)
+    J = by_joints(contour.jacobians, contour.links, twists)
     step = 1e-4
     for k in range(len(joints)):
         there = joints.copy()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,12 +28,11 @@ def ring(rng: np.random.Generator, residuals: str, n: int = 300) -> ContourPoint
         residuals=0.3 * values,
         weights=rng.uniform(0.1, 1.0, n),
         length_px=rng.uniform(1.0, 8.0, n),
+        links=np.zeros(n, np.int64),
     )
 
 
-NOTHING = ContourPoints(
-    np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 6)), np.zeros(0), np.zeros(0), np.zeros(0)
-)
+NOTHING = ContourPoints.joined([])
 
 
 @pytest.mark.parametrize("kind", ["white", "smooth", "zero", "constant"])
@@ -63,10 +64,7 @@ def test_a_view_without_trust_has_no_say() -> None:
     rng = np.random.default_rng(2)
     good = [ring(rng, "white") for _ in range(3)]
     wrong = ring(rng, "constant")
-    wrong = ContourPoints(
-        wrong.points, wrong.normals, wrong.jacobians, 50.0 * wrong.residuals, wrong.weights,
-        wrong.length_px,
-    )  # fmt: skip
+    wrong = replace(wrong, residuals=50.0 * wrong.residuals)
     alone = fit_noise(good, np.ones(3), SMOOTHING_PX)
     beside = fit_noise([*good, wrong], np.array([1.0, 1.0, 1.0, 0.0]), SMOOTHING_PX)
     assert beside.sigma_px == pytest.approx(alone.sigma_px, rel=1e-6)

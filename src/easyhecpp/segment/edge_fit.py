@@ -11,24 +11,17 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import nnls
 
 from easyhecpp._parallel import parallel_map
-from easyhecpp.geometry import (
-    inverse,
-    log_se3,
-    perturb_about,
-    pose_covariance_from_centred,
-    translation_matrix,
-)
+from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
 from easyhecpp.render import Contour
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
-from easyhecpp.segment.scene import Scene
 from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
 from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
 
 F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 COVARIANCE_INFLATION = 1.5
 """On the covariance of the edge fit, for what its noise model leaves out."""
@@ -43,7 +36,6 @@ _SMALLEST_SCALE_PX = 0.35
 _APART_PX = 30.0
 _BLUR_PX = 1.0
 _LEAST_WEIGHT = 0.05
-_JOINT_STEP = 1e-5
 _JOINT_UNIT = 1e-3
 _MOST_JOINT_UNITS = 10.0
 """A joint that is off by more than 10 mrad is no noise but a wrong posture."""
@@ -89,18 +81,16 @@ class _Points:
 
     Attributes:
         points: The points.
-        links: ``(N,)`` the link that each lies on.
         still: ``(N,)`` whether it never moves.
         joints: ``(N, n)`` outward displacement by each joint, px per rad (or m).
     """
 
     points: ContourPoints
-    links: I64
     still: NDArray[np.bool_]
     joints: F64
 
     def __len__(self) -> int:
-        return len(self.links)
+        return len(self.points)
 
 
 @dataclass(frozen=True)
@@ -159,7 +149,7 @@ class EdgeFit:
             readings = reader.read(inverse(T), reach_px, spacing_px=spacing_px)
             scale = offset_scale(readings, reach_px)
             weights = [_edge_weights(r, scale) for r in readings]
-            twists = joint_twists(scene, T)
+            twists = joint_twists(scene.rig, scene.joints, T, scene.centre_cam(T))
             points = parallel_map(
                 lambda rwt: _average(*rwt), list(zip(readings, weights, twists, strict=True))
             )
@@ -177,7 +167,7 @@ class EdgeFit:
             centre = scene.centre_cam(T)
             if not last:
                 T = perturb_about(T, centre, solution[:6])
-        spread = between_views(N, information, vectors, solution)
+        spread = between_views(N, N, information, vectors, solution)
         return cls(
             inverse(T), centre, COVARIANCE_INFLATION * spread[:6, :6], information, vectors,
             float(solution[6]), noise, sources, readings, weights,
@@ -234,7 +224,7 @@ class EdgeFit:
 def _average(reading: EdgeReading, weights: F64, twists: F64) -> _Points:
     """Samples that lie together averaged: link by link, what stands still by itself."""
     c = reading.contour
-    parts, links, still = [], [], []
+    parts, still = [], []
     for link in np.unique(c.links):
         for kind in (AGAINST_PLATE, COLOUR):
             own = (c.links == link) & (reading.kind == kind) & (weights > _LEAST_WEIGHT)
@@ -250,48 +240,16 @@ def _average(reading: EdgeReading, weights: F64, twists: F64) -> _Points:
                 mismatch=0.0, iou=0.0,
             )  # fmt: skip
             parts.append(average_samples(evidence, weights[own]))
-            links.append(np.full(len(parts[-1]), link, np.int64))
             still.append(np.full(len(parts[-1]), kind == COLOUR))
-    if not parts:
-        none = np.zeros(0)
-        points = ContourPoints(
-            np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((0, 6)), none, none, none
-        )
-        return _Points(
-            points, np.zeros(0, np.int64), np.zeros(0, np.bool_), np.zeros((0, len(twists)))
-        )
-    joined = [
-        np.concatenate([getattr(p, name) for p in parts])
-        for name in ("points", "normals", "jacobians", "residuals", "weights", "length_px")
-    ]
-    points, on = ContourPoints(*joined), np.concatenate(links)
-    joints = np.einsum("ni,kni->nk", points.jacobians, twists[:, on])
-    return _Points(points, on, np.concatenate(still), joints)
-
-
-def joint_twists(scene: Scene, T_cam_mount: F64) -> F64:
-    """How each joint moves each link in every view, ``(V, n, L, 6)``.
-
-    As ``delta`` about the arm's middle in the camera frame per radian (or metre) of the joint, so
-    that a contour's Jacobian by ``delta`` tells how the joint displaces it.
-    """
-    centre = translation_matrix(scene.centre_cam(T_cam_mount))
-    back = inverse(centre)
-    before = T_cam_mount @ scene.Ts_mount_link
-    n = scene.joints.shape[1]
-    twists = np.empty((len(scene), n, before.shape[1], 6))
-    for joint in range(n):
-        moved = scene.joints.copy()
-        moved[:, joint] += _JOINT_STEP
-        after = T_cam_mount @ scene.rig.Ts_mount_link(moved)
-        twists[:, joint] = log_se3(back @ after @ inverse(before) @ centre) / _JOINT_STEP
-    return twists
+    points = ContourPoints.joined(parts)
+    joints = by_joints(points.jacobians, points.links, twists)
+    return _Points(points, np.concatenate([*still, np.zeros(0, np.bool_)]), joints)
 
 
 def _link_kernel(points: _Points) -> F64:
     """Covariance of the displacements for a unit variance of each link's shift, ``(N, N)``."""
-    n = points.points.normals
-    return (n @ n.T) * (points.links[:, None] == points.links[None])
+    n, links = points.points.normals, points.points.links
+    return (n @ n.T) * (links[:, None] == links[None])
 
 
 def _fit_sources(views: Sequence[_Points], trust: F64) -> Sources:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from easyhecpp.geometry import inverse
 from easyhecpp.solve.descend import Level, descend
 from easyhecpp.solve.evidence import Evidence
-from easyhecpp.solve.joint_jacobians import joint_jacobians
+from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
 
 F64 = NDArray[np.float64]
@@ -108,8 +108,8 @@ def refit_joints(problem: PoseProblem, view: int, T_cam_mount: F64) -> Agreement
             best = now
         if not len(e.distances):
             break
-        camera = alone.renderer(REDUCTION).camera
-        J = REDUCTION * joint_jacobians(problem.rig, camera, joints, T_cam_mount, e.contour)
+        twists = joint_twists(problem.rig, joints, T_cam_mount, alone.centre_cam(T_cam_mount))
+        J = by_joints(e.jacobians, e.contour.links, twists)
         weight = e.length / np.square(1.0 + np.square(e.distances / (scale * unit)))
         H = J.T @ (weight[:, None] * J) + np.eye(len(joints)) * 4.0 * unit / _JOINT_PRIOR**2
         g = J.T @ (weight * e.distances) - 4.0 * unit / _JOINT_PRIOR**2 * (joints - recorded)

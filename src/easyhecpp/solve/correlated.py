@@ -1,9 +1,13 @@
-"""The last stage: generalised least squares with one dilation common to all masks."""
+"""The last stage: generalised least squares with an honest model of the errors.
+
+Masks err along the contour (`correlation`), by one dilation common to all, in the same way wherever
+they show the same scene (`repeats`); the arm stands a little off its joints (`joint_noise`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,20 +20,21 @@ from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
 from easyhecpp.solve.descend import MIN_SAMPLES, step_px
 from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.joint_noise import JointNoise
+from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.repeats import Repeats
 from easyhecpp.solve.robust import consistent_scale, inlier_weights
 
 F64 = NDArray[np.float64]
 
-COVARIANCE_INFLATION, _INFLATION_BY_FEW_VIEWS = 1.35, 0.2
+COVARIANCE_INFLATION = 1.35
 """Factor on the covariance for what the noise model leaves out: its variances are estimates, and
-where contours bend or meet, residuals follow the pose by less than the Jacobian says. It grows by
-the second number over the number of views: few contours, few independent errors to learn from. Set
-on 160 simulated calibrations of 640x360 (seed 88000 of the families of `bench trust`), so that
-these families need fresh scenes to be measured on."""
+where contours bend or meet, residuals follow the pose by less than the Jacobian says. Set on 140
+simulated calibrations of 640x360 (seed 89000 of the families of `bench trust`), so that these
+families need fresh scenes to be measured on."""
 
 _SMOOTHING_PX = 1.2
-
 
 _SETTLED_PX = 0.003
 """A step that moves the contours by less ends the iteration."""
@@ -46,7 +51,9 @@ class Solution:
         information: ``(V, 7, 7)`` per view on ``[delta, dilation]``.
         vectors: ``(V, 7)`` right-hand sides per view.
         dilation: Pixels.
-        noise: The fitted noise.
+        noise: The fitted noise along the contour.
+        joint_noise: That of the recorded joints.
+        shared: Share of the errors' variance that views of the same outline have in common.
         seen: Contour samples per view.
         weights: Their robust weights.
     """
@@ -58,6 +65,8 @@ class Solution:
     vectors: F64
     dilation: float
     noise: NoiseModel
+    joint_noise: JointNoise
+    shared: float
     seen: list[Evidence]
     weights: list[F64]
 
@@ -77,6 +86,8 @@ def generalised_least_squares(
     """
     T = T_cam_mount
     noise: NoiseModel | None = None
+    joint_noise, shared = JointNoise(), 0.0
+    joints = np.stack([o.joints for o in problem.observations])
     for last in (False, False, True):
         centre = problem.centre_cam(T)
         seen = problem.gather(T, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
@@ -84,35 +95,51 @@ def generalised_least_squares(
         weights = [inlier_weights(e.distances, scale) for e in seen]
         points = parallel_map(lambda ew: average_samples(*ew), zip(seen, weights, strict=True))
         _require_contour(points, problem.weights)
+        fresh = noise is None
         if noise is None:
             noise = fit_noise(points, problem.weights, _SMOOTHING_PX)
-        information, vectors = _information(points, noise, problem.weights)
-        N = information.sum(axis=0)
-        N[6, 6] += 1.0 / dilation_prior_px**2
+        twists = joint_twists(problem.rig, joints, T, centre)
+        designs = [
+            np.column_stack([noise.design(p), noise.gain * by_joints(p.jacobians, p.links, t)])
+            for p, t in zip(points, twists, strict=True)
+        ]
+        repeats = Repeats.among(points, problem.weights)
+        spoiled = [1.0 + shared * n for n in repeats.others()]
+        whole, sides = _information(points, designs, spoiled, noise, problem.weights)
+        prior = np.zeros((7, 7))
+        prior[6, 6] = 1.0 / dilation_prior_px**2
+        count = np.array([len(p) > 0 for p in points]) & (problem.weights > 0.0)
+        joint_noise = joint_noise.fitted(whole[count], sides[count], prior)
+        information, vectors = whole[:, :7, :7], sides[:, :7]
+        N = information.sum(axis=0) + prior
         solution = np.linalg.solve(N, vectors.sum(axis=0))
-        settled = step_px(seen, solution[:6]) < _SETTLED_PX
+        settled = not fresh and step_px(seen, solution[:6]) < _SETTLED_PX
         if not settled:
             T = perturb_about(T, centre, solution[:6])
         if settled or last:
-            n_views = sum(
-                len(p) > 0 and w > 0.0 for p, w in zip(points, problem.weights, strict=True)
-            )
-            inflation = COVARIANCE_INFLATION * (1.0 + _INFLATION_BY_FEW_VIEWS / n_views)
-            spread = between_views(N, information, vectors, solution)
-            covariance = inflation * spread[:6, :6]
+            pulls = N + joint_noise.pulls(whole[count])
+            spread = between_views(N, pulls, information, vectors, solution)
+            covariance = COVARIANCE_INFLATION * spread[:6, :6]
             return Solution(
-                T, centre, covariance, information, vectors, float(solution[6]), noise, seen,
-                weights,
+                T, centre, covariance, information, vectors, float(solution[6]), noise,
+                joint_noise, shared, seen, weights,
             )  # fmt: skip
         # The variances belong to the residuals at the pose that they are used for.
-        root = np.linalg.cholesky(np.linalg.inv(N))
-        noise = fit_noise(
-            [_shifted(p, noise, solution) for p in points],
-            problem.weights,
-            _SMOOTHING_PX,
-            [noise.design(p) @ root for p in points],
-        )
+        effects, doubt = joint_noise.effects(whole, sides, prior)
+        left = [
+            replace(p, residuals=p.residuals - A @ u)
+            for p, A, u in zip(points, designs, effects, strict=True)
+        ]
+        taken = [A @ _root(C) for A, C in zip(designs, doubt, strict=True)]
+        noise = fit_noise(left, problem.weights, _SMOOTHING_PX, taken)
+        shared = repeats.shared([p.residuals for p in left])
     raise AssertionError("the last round returns")
+
+
+def _root(covariance: F64) -> F64:
+    """A matrix whose square is a covariance that may be singular."""
+    values, axes = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    return (axes * np.sqrt(np.maximum(values, 0.0))).astype(np.float64)
 
 
 def _require_contour(points: Sequence[ContourPoints], view_weights: F64) -> None:
@@ -124,27 +151,32 @@ def _require_contour(points: Sequence[ContourPoints], view_weights: F64) -> None
         )
 
 
-def _shifted(points: ContourPoints, noise: NoiseModel, solution: F64) -> ContourPoints:
-    """The points with the residuals that a solved step leaves."""
-    left = points.residuals - noise.design(points) @ solution
-    return ContourPoints(
-        points.points, points.normals, points.jacobians, left, points.weights, points.length_px
-    )
-
-
 def _information(
-    points: Sequence[ContourPoints], noise: NoiseModel, view_weights: F64
+    points: Sequence[ContourPoints],
+    designs: Sequence[F64],
+    spoiled: Sequence[F64],
+    noise: NoiseModel,
+    view_weights: F64,
 ) -> tuple[F64, F64]:
-    """Per view the information ``(V, 7, 7)`` on [delta, dilation], and the vector ``(V, 7)``."""
+    """Per view the information ``(V, k, k)`` on the design's unknowns, and the vector ``(V, k)``.
+
+    Args:
+        points: Of each view.
+        designs: ``(N, k)`` of each view.
+        spoiled: ``(N,)`` of each view, factor on the variance of errors that other views repeat.
+        noise: Of the residuals.
+        view_weights: ``(V,)``.
+    """
 
     def one(view: int) -> tuple[F64, F64]:
-        p = points[view]
+        p, A = points[view], designs[view]
         if len(p) == 0:
-            return np.zeros((7, 7)), np.zeros(7)
-        A = noise.design(p)
-        factor = cho_factor(noise.covariance(p, view), lower=True, check_finite=False)
-        CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
-        return view_weights[view] * (A.T @ CA[:, :7]), view_weights[view] * (A.T @ CA[:, 7])
+            return np.zeros((A.shape[1], A.shape[1])), np.zeros(A.shape[1])
+        scale = np.sqrt(spoiled[view])
+        C = noise.covariance(p, view) * (scale[:, None] * scale)
+        factor = cho_factor(C, lower=True, check_finite=False)
+        CA = cho_solve(factor, A, check_finite=False)
+        return view_weights[view] * (A.T @ CA), view_weights[view] * (CA.T @ p.residuals)
 
     parts = parallel_map(one, range(len(points)))
     return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])

@@ -18,7 +18,7 @@ Fitting a pose takes variance out of the residuals, the more the fewer views. It
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from scipy.optimize import nnls
 from easyhecpp.solve.evidence import Evidence
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 LENGTHS_PX = (3.0, 8.0, 24.0, 80.0)
 """Correlation lengths of the model; wide enough apart to be told from each other."""
@@ -34,7 +35,7 @@ LENGTHS_PX = (3.0, 8.0, 24.0, 80.0)
 CELL_PX = 6.0
 """Samples of one link, one direction and one square of this size are averaged to one point."""
 
-FLOOR_PX, FLOOR_LENGTH_PX = 0.03, 20.0
+FLOOR_PX, FLOOR_LENGTH_PX = 0.02, 20.0
 """Standard deviation and correlation length of what thresholding leaves of an edge's place."""
 
 _LAG_EDGES_PX = np.array([1e-6, 3.0, 6.0, 9.0, 13.0, 19.0, 28.0, 42.0, 64.0, 100.0])
@@ -48,6 +49,7 @@ class ContourPoints:
         points: ``(N, 2)`` pixels; ``normals`` ``(N, 2)`` outward.
         jacobians: ``(N, 6)``; ``residuals`` ``(N,)`` pixels.
         weights: ``(N,)`` robust weight in (0, 1]; ``length_px`` ``(N,)`` contour averaged over.
+        links: ``(N,)`` the link that each lies on.
     """
 
     points: F64
@@ -56,9 +58,18 @@ class ContourPoints:
     residuals: F64
     weights: F64
     length_px: F64
+    links: I64
 
     def __len__(self) -> int:
         return len(self.residuals)
+
+    @classmethod
+    def joined(cls, parts: Sequence[ContourPoints]) -> ContourPoints:
+        """The points of all parts, which may be none."""
+        pair, none, number = np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64)
+        nothing = cls(pair, pair, np.zeros((0, 6)), none, none, none, number)
+        each = [[getattr(p, f.name) for p in (nothing, *parts)] for f in fields(cls)]
+        return cls(*(np.concatenate(arrays) for arrays in each))
 
 
 def average_samples(evidence: Evidence, weights: F64) -> ContourPoints:
@@ -74,7 +85,7 @@ def average_samples(evidence: Evidence, weights: F64) -> ContourPoints:
     octant = np.floor((np.arctan2(n[:, 1], n[:, 0]) + np.pi) * (4.0 / np.pi)).astype(np.int64) % 8
     link = evidence.contour.links[keep].astype(np.int64)
     key = ((link * 8 + octant) << 40) + ((cell[:, 0] + 4096) << 20) + (cell[:, 1] + 4096)
-    _, group = np.unique(key, return_inverse=True)
+    keys, group = np.unique(key, return_inverse=True)
     w = weights[keep]
     total = np.bincount(group, w)
 
@@ -91,6 +102,7 @@ def average_samples(evidence: Evidence, weights: F64) -> ContourPoints:
         residuals=mean(evidence.residuals[keep])[:, 0],
         weights=total / np.bincount(group),
         length_px=np.asarray(np.bincount(group) * evidence.length, np.float64),
+        links=keys >> 43,
     )
 
 

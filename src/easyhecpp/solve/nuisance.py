@@ -21,8 +21,7 @@ from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_cent
 from easyhecpp.rig import Rig
 from easyhecpp.solve.correlated import COVARIANCE_INFLATION
 from easyhecpp.solve.correlation import ContourPoints, average_samples, fit_noise
-from easyhecpp.solve.evidence import Evidence
-from easyhecpp.solve.joint_jacobians import joint_jacobians
+from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.robust import consistent_scale, inlier_weights
 from easyhecpp.solve.types import Observation
@@ -253,22 +252,17 @@ def _without_pose(N: F64, b: F64, chosen: NDArray[np.int64]) -> tuple[F64, F64]:
 def _joint_normal_equations(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64, F64]:
     seen = problem.gather(T_cam_mount, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
     scale = consistent_scale(seen, problem.weights)
-    averaged = []
-    for view, e in enumerate(seen):
-        J = np.column_stack([e.jacobians, _columns(problem, view, T_cam_mount, e)])
-        wide = average_samples(replace(e, jacobians=J), inlier_weights(e.distances, scale))
-        averaged.append(wide)
-    points = [_narrow(p) for p in averaged]
+    points = [average_samples(e, inlier_weights(e.distances, scale)) for e in seen]
     noise = fit_noise(points, problem.weights, _SMOOTHING_PX)
+    joints = np.stack([o.joints for o in problem.observations])
+    twists = joint_twists(problem.rig, joints, T_cam_mount, problem.centre_cam(T_cam_mount))
     size = _POSE + 3 + problem.rig.robot.n_joints
     N, b = np.zeros((size, size)), np.zeros(size)
     N[6, 6] = _DILATION_INFORMATION
-    for view, (wide, p) in enumerate(zip(averaged, points, strict=True)):
+    for view, p in enumerate(points):
         if problem.weights[view] <= 0.0 or not len(p):
             continue
-        A = noise.gain * np.column_stack(
-            [wide.jacobians[:, :6], np.ones(len(p)), wide.jacobians[:, 6:]]
-        )
+        A = np.column_stack([noise.design(p), noise.gain * _columns(problem, p, twists[view])])
         factor = cho_factor(noise.covariance(p, view), lower=True, check_finite=False)
         CA = cho_solve(factor, A, check_finite=False)
         N += A.T @ CA
@@ -276,19 +270,13 @@ def _joint_normal_equations(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64
     return N, b
 
 
-def _narrow(wide: ContourPoints) -> ContourPoints:
-    return replace(wide, jacobians=wide.jacobians[:, :6])
-
-
-def _columns(problem: PoseProblem, view: int, T_cam_mount: F64, e: Evidence) -> F64:
+def _columns(problem: PoseProblem, points: ContourPoints, twists: F64) -> F64:
     """Outward displacement by focal length, principal point and joint zeros: ``(N, 3 + n)``."""
-    camera, normals = problem.camera, e.contour.normals
-    from_centre = e.points - np.array([camera.cx, camera.cy])
-    joints = problem.observations[view].joints
+    from_centre = points.points - np.array([problem.camera.cx, problem.camera.cy])
     return np.column_stack(
         [
-            np.einsum("ni,ni->n", normals, from_centre),
-            normals,
-            joint_jacobians(problem.rig, camera, joints, T_cam_mount, e.contour),
+            np.einsum("ni,ni->n", points.normals, from_centre),
+            points.normals,
+            by_joints(points.jacobians, points.links, twists),
         ]
     )

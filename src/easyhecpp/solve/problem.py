@@ -98,8 +98,10 @@ class PoseProblem:
         meshes = self.rig.robot.meshes
         middles = np.stack([m.centroid for m in meshes])
         areas = np.array([m.area for m in meshes])
-        posed = np.einsum("vlij,lj->vli", self.Ts_mount_link[..., :3, :3], middles)
-        posed = posed + self.Ts_mount_link[..., :3, 3]
+        # A view without weight shall not change even the last digits.
+        counts = self.weights > 0.0
+        Ts = self.Ts_mount_link[counts if counts.any() else ~counts]
+        posed = np.einsum("vlij,lj->vli", Ts[..., :3, :3], middles) + Ts[..., :3, 3]
         return (areas[:, None] * posed).sum(axis=1).mean(axis=0) / areas.sum()
 
 
