@@ -104,7 +104,7 @@ def test_to_linear_follows_the_srgb_curve():
 @pytest.mark.parametrize("seed", range(6))
 def test_a_room_stays_clear_of_the_base_and_of_the_camera(seed):
     rng = np.random.default_rng(seed)
-    plan = RoomPlan(1.07, 0.0, False, rng.uniform(-np.pi, np.pi), 1.5, n_clutter=10)
+    plan = RoomPlan(1.07, 0.0, False, rng.uniform(-np.pi, np.pi), 1.5, 0.6, n_clutter=10)
     room = random_surroundings(rng, plan)
     camera = 1.5 * np.array([np.cos(plan.camera_azimuth), np.sin(plan.camera_azimuth), 0.3])
     for panel in room.panels:
@@ -119,3 +119,16 @@ def test_a_room_stays_clear_of_the_base_and_of_the_camera(seed):
             assert np.linalg.norm(prop.surface.vertices[:, :2].mean(axis=0)) > 0.15
         if prop.name == "table":
             assert prop.surface.vertices[:, 2].max() == pytest.approx(plan.stand_z)
+
+
+def test_lamps_hang_above_the_camera() -> None:
+    """From just above one, its black back would fill the picture."""
+    rng = np.random.default_rng(5)
+    heights = []
+    for camera_z in (0.3, 1.6):
+        plan = RoomPlan(1.07, 0.0, False, 0.3, 1.0, camera_z, n_clutter=0)
+        lamps = [lamp for _ in range(10) for lamp in random_surroundings(rng, plan).lamps]
+        lowest = min(lamp.T_base_lamp[2, 3] for lamp in lamps)
+        assert lowest > camera_z + 0.1
+        heights.append(lowest)
+    assert heights[0] < 1.6

@@ -18,6 +18,7 @@ from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
 from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
 from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.joint_noise import JointNoise
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
 
@@ -158,16 +159,22 @@ class EdgeFit:
             sources = _fit_sources(points, trust)
             left = [_without_sources(p, sources) for p in points]
             noise = fit_noise(left, trust, _BLUR_PX)
-            information, vectors = _information(points, noise, sources, trust)
-            N = information.sum(axis=0)
-            N[6, 6] += 1.0 / _DILATION_PRIOR_PX**2
+            whole, sides = _information(points, noise, sources, trust)
+            count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
+            prior = np.zeros((7, 7))
+            prior[6, 6] = 1.0 / _DILATION_PRIOR_PX**2
+            joint_noise = JointNoise().fitted(whole[count], sides[count], prior)
+            information, vectors = whole[:, :7, :7], sides[:, :7]
+            N = information.sum(axis=0) + prior
             if np.linalg.cond(N) > 1e16:
                 return None
             solution = np.linalg.solve(N, vectors.sum(axis=0))
             centre = scene.centre_cam(T)
             if not last:
                 T = perturb_about(T, centre, solution[:6])
-        spread = between_views(N, N, information, vectors, solution)
+        spread = between_views(
+            N, N + joint_noise.pulls(whole[count]), information, vectors, solution
+        )
         return cls(
             inverse(T), centre, COVARIANCE_INFLATION * spread[:6, :6], information, vectors,
             float(solution[6]), noise, sources, readings, weights,
@@ -302,15 +309,16 @@ def _information(
     def one(index: int) -> tuple[F64, F64]:
         view = views[index]
         if len(view) == 0 or trust[index] <= 0.0:
-            return np.zeros((7, 7)), np.zeros(7)
+            k = 7 + view.joints.shape[1]
+            return np.zeros((k, k)), np.zeros(k)
         p = view.points
         C = noise.covariance(p, index) + sources.covariance(view)
         scale = np.where(view.still, np.sqrt(repeats), 1.0)
         C *= scale[:, None] * scale[None]
-        A = np.column_stack([p.jacobians, np.ones(len(p))])
+        A = np.column_stack([p.jacobians, np.ones(len(p)), view.joints])
         factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
-        return trust[index] * (A.T @ CA[:, :7]), trust[index] * (A.T @ CA[:, 7])
+        return trust[index] * (A.T @ CA[:, :-1]), trust[index] * (A.T @ CA[:, -1])
 
     parts = parallel_map(one, range(len(views)))
     return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])

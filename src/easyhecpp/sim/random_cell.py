@@ -90,9 +90,9 @@ def _room_plan(
     options: CellOptions,
 ) -> RoomPlan:
     """A room whose back wall is opposite the camera, or behind the arm for one on the wrist."""
-    azimuth, away = front_azimuth(rig.robot), 0.0
+    azimuth, away, z = front_azimuth(rig.robot), 0.0, stand_z
     if not rides_on_arm(rig.setup):
-        x, y = T_mount_cam[:2, 3]
+        x, y, z = T_mount_cam[:3, 3]
         azimuth, away = float(np.arctan2(y, x)), float(np.hypot(x, y))
     return RoomPlan(
         rig.robot.reach,
@@ -100,6 +100,7 @@ def _room_plan(
         on_floor,
         azimuth,
         away,
+        float(z),
         n_clutter=int(rng.integers(options.clutter[0], options.clutter[1] + 1)),
         n_furniture=options.furniture,
         n_pictures=options.pictures,

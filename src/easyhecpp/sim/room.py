@@ -18,6 +18,7 @@ from easyhecpp.sim.walls import random_walls
 # The sizes below are for an arm that reaches this far, measured as Robot.reach does (xArm 7).
 REFERENCE_REACH = 1.07
 _FLOOR = 11.0
+_LAMP_ABOVE_CAMERA = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,7 @@ class RoomPlan:
         on_floor: the robot stands on the floor, not on a table.
         camera_azimuth: direction from the base towards the camera, radians.
         camera_distance: horizontal distance of the camera from the base, metres.
+        camera_z: height of the camera in the base frame; lamps hang above it.
         n_clutter: number of things on the table.
         n_furniture: largest number of cabinets, shelves and boxes in the background.
         n_pictures: largest number of posters on the wall.
@@ -62,6 +64,7 @@ class RoomPlan:
     on_floor: bool
     camera_azimuth: float
     camera_distance: float
+    camera_z: float
     n_clutter: int
     n_furniture: int = 5
     n_pictures: int = 6
@@ -174,7 +177,9 @@ def _lamps(rng: np.random.Generator, plan: RoomPlan) -> list[Lamp]:
         azimuth = plan.camera_azimuth + rng.uniform(-spread, spread)
         distance, height = rng.uniform(0.2, 1.6), rng.uniform(2.2, 2.8)
         x, y = distance * np.cos(azimuth), distance * np.sin(azimuth)
-        T = upright(x, y, plan.floor_z + height, azimuth) @ np.diag([1.0, -1, -1, 1])
+        # A lamp just below the camera would fill the picture with its black back.
+        z = max(plan.floor_z + height, plan.camera_z + _LAMP_ABOVE_CAMERA)
+        T = upright(x, y, z, azimuth) @ np.diag([1.0, -1, -1, 1])
         width, depth = rng.uniform([0.4, 0.2], [1.3, 0.7])
         power = rng.uniform(2.0, 8.0) / (width * depth)
         lamps.append(Lamp(T, (float(width), float(depth)), power * warmth))
