@@ -12,7 +12,8 @@ other side of a link, or far away is new.
 
 For speed the arm is rendered at a quarter of the size with simplified meshes, and contour is
 averaged over longer pieces than the optimiser's. Errors of a correlation length below a piece's
-length then are a piece's own error, with the variance of their mean. Joints are taken at their word.
+length then are a piece's own error, with the variance of their mean. Joints are taken at their
+word.
 """
 
 from __future__ import annotations
