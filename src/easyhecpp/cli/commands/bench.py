@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -55,6 +55,8 @@ class BenchSolve:
                 rows_file=rows_file(self.out),
                 progress=lambda done, _: tell(f"{done} of {self.scenes} scenes"),
             )
+        # Some URDFs call the robot by another name than everyone else.
+        bench = replace(bench, robot=self.robot)
         table, figure = solve_table(bench), solve_plot(bench)
         publish(table, self.out, command_line, figure=figure, **bench.record())
         return 0
