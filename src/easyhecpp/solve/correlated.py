@@ -28,11 +28,12 @@ from easyhecpp.solve.robust import consistent_scale, inlier_weights
 
 F64 = NDArray[np.float64]
 
-COVARIANCE_INFLATION = 1.35
+COVARIANCE_INFLATION, _INFLATION_BY_FEW_VIEWS = 1.25, 0.5
 """Factor on the covariance for what the noise model leaves out: its variances are estimates, and
-where contours bend or meet, residuals follow the pose by less than the Jacobian says. Set on 140
-simulated calibrations of 640x360 (seed 89000 of the families of `bench trust`), so that these
-families need fresh scenes to be measured on."""
+where contours bend or meet, residuals follow the pose by less than the Jacobian says. It grows by
+the second number over the number of views: few contours, few independent errors to learn from. Set
+on simulated calibrations of 640x360 (seeds 89000 and 63000 of the families of `bench trust`), so
+that these families need fresh scenes to be measured on."""
 
 _SMOOTHING_PX = 1.2
 
@@ -119,7 +120,8 @@ def generalised_least_squares(
         if settled or last:
             pulls = N + joint_noise.pulls(whole[count])
             spread = between_views(N, pulls, information, vectors, solution)
-            covariance = COVARIANCE_INFLATION * spread[:6, :6]
+            few = 1.0 + _INFLATION_BY_FEW_VIEWS / int(np.count_nonzero(count))
+            covariance = COVARIANCE_INFLATION * few * spread[:6, :6]
             return Solution(
                 T, centre, covariance, information, vectors, float(solution[6]), noise,
                 joint_noise, shared, seen, weights,
