@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import nnls
 
 from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
-from easyhecpp.render import Contour
-from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
+from easyhecpp.segment._edge_kernel import AGAINST_PLATE
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
+from easyhecpp.segment.edge_sources import EdgePoints, Sources
 from easyhecpp.solve.between_views import between_views
-from easyhecpp.solve.correlation import ContourPoints, NoiseModel, average_samples, fit_noise
-from easyhecpp.solve.evidence import Evidence
+from easyhecpp.solve.correlation import NoiseModel, fit_noise
 from easyhecpp.solve.joint_noise import JointNoise
-from easyhecpp.solve.joint_twists import by_joints, joint_twists
+from easyhecpp.solve.joint_twists import joint_twists
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
 
 F64 = NDArray[np.float64]
@@ -34,12 +32,7 @@ _DILATION_PRIOR_PX = 0.15
 """Edges common to all contours: sharpening halos and the lens' blur, not a segmenter's habits."""
 
 _SMALLEST_SCALE_PX = 0.35
-_APART_PX = 30.0
 _BLUR_PX = 1.0
-_LEAST_WEIGHT = 0.05
-_JOINT_UNIT = 1e-3
-_MOST_JOINT_UNITS = 10.0
-"""A joint that is off by more than 10 mrad is no noise but a wrong posture."""
 
 
 def offset_scale(readings: Sequence[EdgeReading], reach: float) -> float:
@@ -74,43 +67,6 @@ def stacked(readings: Sequence[EdgeReading], trust: F64, scale: float) -> tuple[
         c * _edge_weights(r, scale) for c, r in zip(counts(readings, trust), readings, strict=True)
     ]
     return J, offset, np.concatenate(weights)
-
-
-@dataclass(frozen=True)
-class _Points:
-    """Averaged contour points of one view.
-
-    Attributes:
-        points: The points.
-        still: ``(N,)`` whether it never moves.
-        joints: ``(N, n)`` outward displacement by each joint, px per rad (or m).
-    """
-
-    points: ContourPoints
-    still: NDArray[np.bool_]
-    joints: F64
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-
-@dataclass(frozen=True)
-class Sources:
-    """Errors that a whole link or a whole posture shares, in one view.
-
-    Attributes:
-        link: Variance of the shift of each link's outline, px^2 along each axis: meshes are made
-            and covers fitted to a fraction of a millimetre.
-        joint: Variance of each joint, rad^2: encoders, gears and clocks are not perfect. It grows
-            towards the tip of the arm, which has less say than its root.
-    """
-
-    link: float
-    joint: float
-
-    def covariance(self, view: _Points) -> F64:
-        """Of the displacements of a view's points, ``(N, N)`` px^2."""
-        return self.link * _link_kernel(view) + self.joint * (view.joints @ view.joints.T)
 
 
 @dataclass(frozen=True)
@@ -152,12 +108,13 @@ class EdgeFit:
             weights = [_edge_weights(r, scale) for r in readings]
             twists = joint_twists(scene.rig, scene.joints, T, scene.centre_cam(T))
             points = parallel_map(
-                lambda rwt: _average(*rwt), list(zip(readings, weights, twists, strict=True))
+                lambda rwt: EdgePoints.averaged(*rwt),
+                list(zip(readings, weights, twists, strict=True)),
             )
             if sum(len(p) for p in points) < FEWEST // 3:
                 return None
-            sources = _fit_sources(points, trust)
-            left = [_without_sources(p, sources) for p in points]
+            sources = Sources.fitted(points, trust)
+            left = [sources.removed(p) for p in points]
             noise = fit_noise(left, trust, _BLUR_PX)
             whole, sides = _information(points, noise, sources, trust)
             count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
@@ -228,79 +185,8 @@ class EdgeFit:
         )
 
 
-def _average(reading: EdgeReading, weights: F64, twists: F64) -> _Points:
-    """Samples that lie together averaged: link by link, what stands still by itself."""
-    c = reading.contour
-    parts, still = [], []
-    for link in np.unique(c.links):
-        for kind in (AGAINST_PLATE, COLOUR):
-            own = (c.links == link) & (reading.kind == kind) & (weights > _LEAST_WEIGHT)
-            if not own.any():
-                continue
-            contour = Contour(
-                c.points[own], c.normals[own], c.links[own], c.jacobians[own], c.points_cam[own],
-                c.spacing,
-            )  # fmt: skip
-            evidence = Evidence(
-                contour=contour, points=contour.points, jacobians=contour.jacobians,
-                residuals=reading.offset[own], distances=reading.offset[own], length=c.spacing,
-                mismatch=0.0, iou=0.0,
-            )  # fmt: skip
-            parts.append(average_samples(evidence, weights[own]))
-            still.append(np.full(len(parts[-1]), kind == COLOUR))
-    points = ContourPoints.joined(parts)
-    joints = by_joints(points.jacobians, points.links, twists)
-    return _Points(points, np.concatenate([*still, np.zeros(0, np.bool_)]), joints)
-
-
-def _link_kernel(points: _Points) -> F64:
-    """Covariance of the displacements for a unit variance of each link's shift, ``(N, N)``."""
-    n, links = points.points.normals, points.points.links
-    return (n @ n.T) * (links[:, None] == links[None])
-
-
-def _fit_sources(views: Sequence[_Points], trust: F64) -> Sources:
-    """Fit the variances to the products of residuals far apart from each other.
-
-    Far apart, what a picture's texture does to an edge is no longer shared: only links and joints
-    that are off as a whole make distant residuals alike.
-    """
-    normal, right = np.zeros((2, 2)), np.zeros(2)
-    for view, weight in zip(views, trust, strict=True):
-        if len(view) < 2 or weight <= 0.0:
-            continue
-        p = view.points.points
-        square = np.sum(p * p, axis=1)
-        apart = square[:, None] + square[None] - 2.0 * (p @ p.T) > _APART_PX**2
-        moving = ~view.still
-        apart &= moving[:, None] & moving[None]
-        kernels = np.stack([_link_kernel(view), (view.joints @ view.joints.T) * _JOINT_UNIT**2])
-        kernels = kernels[:, apart]
-        # Large products come from the same few large errors: weigh by what is expected of them.
-        expected = 1.0 + np.sqrt(np.sum(np.square(kernels), axis=0))
-        product = np.outer(view.points.residuals, view.points.residuals)[apart]
-        normal += (kernels / expected) @ (kernels / expected).T
-        right += (kernels / expected) @ (product / expected)
-    if not normal.any():
-        return Sources(0.0, 0.0)
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
-    solution, _ = nnls(normal / scale[:, None] / scale[None], right / scale)
-    link, joint = solution / scale
-    return Sources(float(link), float(min(joint, _MOST_JOINT_UNITS**2)) * _JOINT_UNIT**2)
-
-
-def _without_sources(view: _Points, sources: Sources) -> ContourPoints:
-    """The points with the most likely shifts of links and joints taken out of the residuals."""
-    p = view.points
-    if len(p) == 0:
-        return p
-    K = sources.covariance(view)
-    local = K + np.eye(len(p)) * max(1.0, float(np.median(np.square(p.residuals)))) * 4.0
-    return replace(p, residuals=p.residuals - K @ np.linalg.solve(local, p.residuals))
-
-
 def _information(
-    views: Sequence[_Points], noise: NoiseModel, sources: Sources, trust: F64
+    views: Sequence[EdgePoints], noise: NoiseModel, sources: Sources, trust: F64
 ) -> tuple[F64, F64]:
     """Per view information ``(V, 7, 7)`` on [delta, dilation], and vectors ``(V, 7)``."""
     # In every view an edge that never moves is the same measurement again.
