@@ -182,6 +182,7 @@ class EdgeFit:
             contours=tuple(contours),
             information=self.information,
             vectors=self.vectors,
+            joint_noise=start.joint_noise,
         )
 
 

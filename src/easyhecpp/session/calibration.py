@@ -15,7 +15,7 @@ from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
 from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.masks import ChosenSource, choose_source
-from easyhecpp.session.outcome import Outcome, with_final_views
+from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
 from easyhecpp.session.refinement import refine
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
@@ -147,7 +147,7 @@ def calibrate(
         findings=outcome.findings,
         masks={v.view_id: v.mask for v in outcome.masks.views if v.mask is not None},
         before_edges=outcome.before_edges,
-        notes=(f"masks: {chosen.why}", *outcome.notes),
+        notes=(f"masks: {chosen.why}", *outcome.notes, *joint_notes(outcome.estimate)),
     )
 
 

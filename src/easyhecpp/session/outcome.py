@@ -15,6 +15,9 @@ from easyhecpp.solve.consistency import Findings
 from easyhecpp.solve.leave_out import leave_one_out
 from easyhecpp.solve.problem import PoseProblem
 
+_NOTABLE_JOINT_NOISE, _FEWEST_FOR_JOINTS = 2.5e-3, 4
+"""Radians, above what masks are mistaken for when nothing is wrong with the joints; and views."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -66,6 +69,18 @@ def with_final_views(capture: Capture, outcome: Outcome) -> Outcome:
         )
     )
     return replace(outcome, estimate=replace(outcome.estimate, views=views))
+
+
+def joint_notes(estimate: PoseEstimate) -> tuple[str, ...]:
+    """What the user should know about the joints: nothing, or a sentence."""
+    views = sum(view.weight > 0.0 for view in estimate.views)
+    if estimate.joint_noise < _NOTABLE_JOINT_NOISE or views < _FEWEST_FOR_JOINTS:
+        return ()
+    return (
+        f"joints: the arm stands about {np.degrees(estimate.joint_noise):.1f} deg off its recorded "
+        "joints, in every view another way; this limits the accuracy. Wait longer after each "
+        "motion, and read the joints with the picture.",
+    )
 
 
 def _plain(

@@ -140,4 +140,5 @@ def _estimate(
         information=final.information,
         vectors=final.vectors,
         timings_s=timings,
+        joint_noise=float(np.sqrt(final.joint_noise.variance)),
     )

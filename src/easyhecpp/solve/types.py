@@ -113,6 +113,8 @@ class PoseEstimate:
         information: ``(V, 7, 7)`` per view on ``[delta, dilation]``; zero for a view left out.
         vectors: ``(V, 7)`` per view, of the same normal equations at the solution.
         timings_s: Seconds per stage.
+        joint_noise: Standard deviation of the joints' errors, a fresh one in every view, that the
+            outlines speak for; rad (m for prismatic joints).
     """
 
     T_mount_cam: F64
@@ -126,3 +128,4 @@ class PoseEstimate:
     information: F64
     vectors: F64
     timings_s: dict[str, float] = field(default_factory=dict)
+    joint_noise: float = 0.0
