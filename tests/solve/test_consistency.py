@@ -12,7 +12,7 @@ from easyhecpp.bench.trust_scenes import build_case
 from easyhecpp.geometry import exp_se3, inverse
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.session.verdict import judge
-from easyhecpp.solve.consistency import Findings, solve_consistent
+from easyhecpp.solve.consistency import FEW_CONTOUR, Findings, solve_consistent
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.nuisance import strains
 from easyhecpp.solve.problem import PoseProblem
@@ -90,6 +90,29 @@ def test_one_view_alone_is_never_ok(good):
     verdict = judge(estimate, findings, good.rig, good.camera)
     assert verdict.verdict != "ok"
     assert any("single view" in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize(("n_hardly", "verdict"), [(2, "ok"), (4, "doubtful")])
+def test_views_that_hardly_show_the_arm_do_not_fail_a_pose(good, good_answer, n_hardly, verdict):
+    """Where the arm is out of the picture, its empty masks overlap with nothing."""
+    estimate, findings = good_answer
+    estimate = replace(
+        estimate,
+        views=tuple(
+            replace(v, iou=0.0, outliers=1.0) if i < n_hardly else v
+            for i, v in enumerate(estimate.views)
+        ),
+    )
+    findings = replace(
+        findings,
+        views=tuple(
+            replace(f, flags=(FEW_CONTOUR,)) if i < n_hardly else f
+            for i, f in enumerate(findings.views)
+        ),
+    )
+    found = judge(estimate, findings, good.rig, good.camera)
+    assert found.verdict == verdict
+    assert any("single view" in reason for reason in found.reasons) == (verdict == "doubtful")
 
 
 def test_displacements_by_joints_agree_with_finite_differences_of_the_projection(good):

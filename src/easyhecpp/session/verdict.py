@@ -11,7 +11,7 @@ import numpy as np
 from easyhecpp.camera import Camera
 from easyhecpp.rig import Rig
 from easyhecpp.solve import PoseEstimate
-from easyhecpp.solve.consistency import Findings
+from easyhecpp.solve.consistency import FEW_CONTOUR, Findings
 from easyhecpp.solve.workspace import point_sigma_mm
 
 Word = Literal["ok", "doubtful", "failed"]
@@ -84,6 +84,11 @@ def judge(
 Reasons = tuple[list[str], list[str]]
 
 
+def _telling(findings: Findings) -> list[bool]:
+    """Which views agree with the pose and show enough of the arm to say so."""
+    return [f.consistent and FEW_CONTOUR not in f.flags for f in findings.views]
+
+
 def _agreement_reasons(findings: Findings) -> Reasons:
     """Views that contradict each other, or too few to check each other."""
     failed: list[str] = []
@@ -99,7 +104,7 @@ def _agreement_reasons(findings: Findings) -> Reasons:
             f"Only {n - out} of {n} views agree with each other; the pose rests on those. Was the "
             "arm at rest whenever a picture was taken? Take the other views again."
         )
-    if n - out < _FEWEST_AGREEING:
+    if sum(_telling(findings)) < _FEWEST_AGREEING:
         doubtful.append(
             "The pose rests on a single view, and nothing checks it. Add views, best three or more "
             "with the arm in very different poses."
@@ -109,7 +114,8 @@ def _agreement_reasons(findings: Findings) -> Reasons:
 
 def _fit_reasons(estimate: PoseEstimate, findings: Findings) -> Reasons:
     """Masks that the arm cannot explain."""
-    used = [v for v, f in zip(estimate.views, findings.views, strict=True) if f.consistent]
+    # A view in which the arm can hardly be seen overlaps with its mask by chance, if at all.
+    used = [v for v, says in zip(estimate.views, _telling(findings), strict=True) if says]
     iou = float(np.median([v.iou for v in used or estimate.views]))
     outliers = float(np.median([v.outliers for v in used or estimate.views]))
     if iou < _FAILED_IOU:

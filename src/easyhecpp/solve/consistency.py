@@ -36,6 +36,10 @@ _SURPRISE, _SURPRISE_PX = 60.0, 2.0
 _ROUNDS = 3
 
 
+FEW_CONTOUR = "few-contour"
+"""Flag of a view that agrees but shows next to nothing of the arm."""
+
+
 @dataclass(frozen=True)
 class ViewFinding:
     """What was found out about one view.
@@ -202,7 +206,7 @@ def _named(
             word, sentence = reason_for(problem, i, T_cam_mount, seen, typical)
             flags = (word,)
         elif view.contour_px < FEW_CONTOUR_PX * pixel_unit(problem):
-            flags = ("few-contour",)
+            flags = (FEW_CONTOUR,)
             sentence = f"View {view.id} shows hardly any outline of the arm and says little."
         findings.append(ViewFinding(view.id, bool(kept[i]), flags, sentence))
         views.append(replace(view, flags=flags, prediction_px=p.rms_px))
