@@ -31,8 +31,6 @@ def sam3(request, tiny):
 
 def test_boxes_are_those_of_the_processor_in_transformers(dino, picture):
     """The same model, prompted and read out by transformers' own processor."""
-    if not hasattr(transformers, "GroundingDinoImageProcessorPil"):
-        pytest.skip("this transformers has no Grounding DINO processor without torchvision")
     processor = transformers.GroundingDinoProcessor(
         transformers.GroundingDinoImageProcessorPil(), dino.tokenizer
     )

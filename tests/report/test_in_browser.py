@@ -23,7 +23,10 @@ CHROMIUM = next(
     ),
     None,
 )
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium or Chrome on the PATH")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None,
+    reason="the report is opened in a browser: needs Chromium or Chrome on the PATH",
+)
 
 PROBE = """<script>
 const shown = kind => getComputedStyle(document.querySelector(`.lines .${kind}`)).visibility;

@@ -12,10 +12,11 @@ from easyhecpp.bench.trust_scenes import build_case
 from easyhecpp.geometry import exp_se3, inverse
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.session.verdict import judge
-from easyhecpp.solve.consistency import FEW_CONTOUR, Findings, solve_consistent
+from easyhecpp.solve.consistency import Findings, solve_consistent
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.nuisance import strains
 from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.reasons import FEW_CONTOUR
 from easyhecpp.solve.types import PoseEstimate
 from easyhecpp.solve.workspace import point_sigma_mm
 

@@ -11,7 +11,8 @@ import numpy as np
 from easyhecpp.camera import Camera
 from easyhecpp.rig import Rig
 from easyhecpp.solve import PoseEstimate
-from easyhecpp.solve.consistency import FEW_CONTOUR, Findings
+from easyhecpp.solve.consistency import Findings
+from easyhecpp.solve.reasons import FEW_CONTOUR
 from easyhecpp.solve.workspace import point_sigma_mm
 
 Word = Literal["ok", "doubtful", "failed"]

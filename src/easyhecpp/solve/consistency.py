@@ -21,7 +21,7 @@ from easyhecpp.solve.leave_out import Prediction, leave_one_out
 from easyhecpp.solve.nuisance import Strain, strains
 from easyhecpp.solve.optimise import solve_pose
 from easyhecpp.solve.problem import PoseProblem
-from easyhecpp.solve.reasons import FEW_CONTOUR_PX, reason_for
+from easyhecpp.solve.reasons import FEW_CONTOUR, FEW_CONTOUR_PX, reason_for
 from easyhecpp.solve.subsets import largest_consistent_set
 from easyhecpp.solve.types import Observation, PoseEstimate, SolveConfig
 
@@ -34,10 +34,6 @@ _GROSS_MISMATCH, _MISMATCH_RATIO = 0.05, 2.0
 _TYPICAL_PX, _TYPICAL_MISMATCH = 3.0, 0.2
 _SURPRISE, _SURPRISE_PX = 60.0, 2.0
 _ROUNDS = 3
-
-
-FEW_CONTOUR = "few-contour"
-"""Flag of a view that agrees but shows next to nothing of the arm."""
 
 
 @dataclass(frozen=True)

@@ -105,8 +105,8 @@ def generalised_least_squares(
             for p, t in zip(points, twists, strict=True)
         ]
         repeats = Repeats.among(points, problem.weights)
-        spoiled = [1.0 + shared * n for n in repeats.others()]
-        whole, sides = _information(points, designs, spoiled, noise, problem.weights)
+        repeat_factors = [1.0 + shared * n for n in repeats.others()]
+        whole, sides = _information(points, designs, repeat_factors, noise, problem.weights)
         prior = np.zeros((7, 7))
         prior[6, 6] = 1.0 / dilation_prior_px**2
         count = np.array([len(p) > 0 for p in points]) & (problem.weights > 0.0)
@@ -156,7 +156,7 @@ def _require_contour(points: Sequence[ContourPoints], view_weights: F64) -> None
 def _information(
     points: Sequence[ContourPoints],
     designs: Sequence[F64],
-    spoiled: Sequence[F64],
+    repeat_factors: Sequence[F64],
     noise: NoiseModel,
     view_weights: F64,
 ) -> tuple[F64, F64]:
@@ -165,7 +165,7 @@ def _information(
     Args:
         points: Of each view.
         designs: ``(N, k)`` of each view.
-        spoiled: ``(N,)`` of each view, factor on the variance of errors that other views repeat.
+        repeat_factors: ``(N,)`` of each view, on the variance of errors that other views repeat.
         noise: Of the residuals.
         view_weights: ``(V,)``.
     """
@@ -174,7 +174,7 @@ def _information(
         p, A = points[view], designs[view]
         if len(p) == 0:
             return np.zeros((A.shape[1], A.shape[1])), np.zeros(A.shape[1])
-        scale = np.sqrt(spoiled[view])
+        scale = np.sqrt(repeat_factors[view])
         C = noise.covariance(p, view) * (scale[:, None] * scale)
         factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, A, check_finite=False)

@@ -11,6 +11,9 @@ from easyhecpp.solve.problem import PoseProblem
 
 F64 = NDArray[np.float64]
 
+FEW_CONTOUR = "few-contour"
+"""Flag of a view that shows next to nothing of the arm, whether it agrees or not."""
+
 FEW_CONTOUR_PX = 60.0
 """Length of visible contour, at an image width of 1280 px, under which a view says little."""
 
@@ -32,7 +35,7 @@ def reason_for(
     """
     name = problem.observations[view].id or str(view)
     if here.contour_px[view] < FEW_CONTOUR_PX * pixel_unit(problem):
-        return "few-contour", (
+        return FEW_CONTOUR, (
             f"View {name} shows almost no outline of the arm where the others expect it. Leave it "
             "out, or take it again with the arm in the picture."
         )
