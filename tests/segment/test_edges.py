@@ -5,22 +5,46 @@ import numpy as np
 import pytest
 from composites import encode
 from scenes_small import photographed
+from scipy.special import ndtr
 
 from easyhecpp.geometry import inverse, perturb_about, pose_error
-from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
+from easyhecpp.segment._edge_kernel import (
+    AGAINST_PLATE,
+    BEYOND,
+    COLOUR,
+    NONE,
+    STEP,
+    WITHIN,
+    find_edges,
+)
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_reading import EdgeReader
+from easyhecpp.segment.edge_rim import RimModel
 from easyhecpp.segment.edges import refine_edges
 from easyhecpp.segment.scene import Scene
 from easyhecpp.solve import Observation, SolveConfig, solve_pose
 
 
-def _edge_picture(at: float, inside: float, outside: float, width: int = 60) -> np.ndarray:
-    """Bright arm left of ``at`` (in pixels, between centres), mixed in linear light."""
+def _edge_picture(
+    at: float,
+    inside: float,
+    outside: float | np.ndarray,
+    width: int = 60,
+    fade_px: float = 1e-6,
+    at_rim: float = 0.0,
+    blur_px: float = 0.6,
+) -> np.ndarray:
+    """Arm left of ``at`` (in pixels, between centres), mixed in linear light.
+
+    Over ``fade_px`` inside of the edge the arm's light falls to the share ``at_rim``, the rest is
+    the background's.
+    """
     fine = np.zeros((20, width * 16, 3))
     x = (np.arange(width * 16) + 0.5) / 16 - 0.5
-    fine[:] = np.where(x < at, inside, outside)[None, :, None]
-    light = cv2.GaussianBlur(fine, (0, 0), 0.6 * 16).reshape(20, width, 16, 3).mean(axis=2)
+    arm = np.where(x < at, at_rim + (1.0 - at_rim) * np.clip((at - x) / fade_px, 0.0, 1.0), 0.0)
+    behind = outside if np.ndim(outside) == 0 else np.interp(x, np.arange(width), outside)
+    fine[:] = (behind + (inside - behind) * arm)[None, :, None]
+    light = cv2.GaussianBlur(fine, (0, 0), blur_px * 16).reshape(20, width, 16, 3).mean(axis=2)
     return (255.0 * encode(light)).astype(np.float32)
 
 
@@ -34,10 +58,14 @@ def _find(picture, plate, at, reach=6.0, noise=1.0):
     covered = np.zeros(picture.shape[:2], np.uint8)
     covered[:, : int(at) + 1] = 1
     points, normals = np.array([[at, 10.0]]), np.array([[1.0, 0.0]])
-    offset, contrast, kind = np.zeros(1), np.zeros(1), np.zeros(1, np.int8)
+    offset, contrast, misfit = np.zeros(1), np.zeros(1), np.zeros(1)
+    kind = np.zeros(1, np.int8)
+    # A lens of 0.6, the pixels themselves (0.29), and what is mixed between two of them (0.35).
+    rim = RimModel.behind(0.75)
     find_edges(
-        picture, plate, covered, points, normals, reach, _taps(), noise, offset, contrast, kind
-    )
+        picture, plate, covered, points, normals, reach, _taps(), noise,
+        rim.shifts, rim.explains, rim.step_width_px, offset, contrast, misfit, kind,
+    )  # fmt: skip
     return float(offset[0]), int(kind[0])
 
 
@@ -52,6 +80,54 @@ def test_an_edge_is_found_to_a_twentieth_of_a_pixel(at, inside, outside):
     offset, kind = _find(picture, np.full_like(picture, np.nan), 30.0)
     assert kind == COLOUR
     assert offset == pytest.approx(at - 30.0, abs=0.05)
+
+
+@pytest.mark.parametrize("fade_px", [4.0, 8.0])
+@pytest.mark.parametrize("at", [29.3, 30.5])
+def test_a_rim_that_fades_towards_the_background_is_found_where_it_ends(at, fade_px):
+    # A curved surface: a fifth of its light at the rim, all of it some pixels inside.
+    picture = _edge_picture(at, 0.6, 0.15, fade_px=fade_px, at_rim=0.2)
+    plate = np.full_like(picture, 255.0 * encode(np.array(0.15)))
+    offset, kind = _find(picture, plate, 30.0)
+    assert kind == AGAINST_PLATE
+    assert offset == pytest.approx(at - 30.0, abs=0.2)
+    steepest, _ = _find(picture, np.full_like(picture, np.nan), 30.0)
+    assert steepest < at - 30.0 - 0.4
+
+
+def test_the_arms_own_shadow_on_a_textured_background_is_no_edge():
+    wall = 0.4 + 0.1 * np.sin(np.arange(60) / 2.0)
+    plate = _edge_picture(-100.0, 0.0, wall)
+    picture = _edge_picture(29.6, 0.7, 0.45 * wall)
+    offset, kind = _find(picture, plate, 30.0)
+    assert kind == AGAINST_PLATE
+    assert offset == pytest.approx(-0.4, abs=0.1)
+
+
+def test_the_rims_own_model_explains_step_and_ramp_and_nothing_else():
+    rim = RimModel.behind(0.7)
+    z = (rim.shifts[10] - np.arange(-WITHIN, BEYOND + 1) * STEP) / 0.7
+    step = ndtr(z)
+    left = [float(step @ step - np.square(pair @ step).sum()) for pair in rim.explains]
+    assert int(np.argmin(left)) == 10
+    assert left[10] == pytest.approx(0.0, abs=1e-4)
+    assert min(left[:9] + left[12:]) > 1e-3
+    assert rim.step_width_px == pytest.approx(0.5 / (0.5 * (ndtr(1 / 0.7) - ndtr(-1 / 0.7))))
+
+
+def test_the_cameras_blur_is_measured_from_its_edges():
+    case = photographed(0)
+    scene = Scene(case.rig, case.camera, case.joints)
+
+    def measured(images):
+        reader = EdgeReader(Backgrounds(scene, images, case.T_mount_cam))
+        reader.measure_blur(case.T_mount_cam)
+        return reader.rim.blur_px
+
+    sharp = measured(case.images)
+    for more in (0.5, 0.9):
+        blurred = [cv2.GaussianBlur(image, (0, 0), more) for image in case.images]
+        assert measured(blurred) == pytest.approx(np.hypot(sharp, more), rel=0.12)
 
 
 def test_texture_of_arm_and_background_is_no_edge_when_the_background_is_known():

@@ -15,6 +15,21 @@ U8 = NDArray[np.uint8]
 STEP = 0.5
 """Distance of the samples along a normal, pixels."""
 
+WITHIN, BEYOND = 4, 6
+"""Samples inside and outside of the steepest rise that a rim is fitted to."""
+
+_FAR = 9
+"""Outermost samples of a line, which show the background."""
+
+_DARKEST, _BRIGHTEST = 0.2, 1.1
+"""Shade of the background, against the other views, that is taken for a shadow or a reflection."""
+
+_NEAREST = 0.25
+"""Displacement from the steepest rise that a rim may always have, pixels."""
+
+_STEEPNESS = 2
+"""Samples to either side over which the steepness of a rim is measured: a pixel."""
+
 NONE, AGAINST_PLATE, COLOUR = 0, 1, 2
 """What an edge was found from: nothing, the difference to the plate, the colour alone."""
 
@@ -102,6 +117,18 @@ def _sample(image: F32, x: float, y: float, out: F64) -> bool:
 
 
 @jit
+def _sample_light(image: F32, x: float, y: float, out: F64) -> None:
+    """Bilinear colour in linear light, where `_sample` finds one."""
+    height, width = image.shape[0], image.shape[1]
+    ix, iy = min(int(x), width - 2), min(int(y), height - 2)
+    fx, fy = x - ix, y - iy
+    for c in range(3):
+        top = _linear(image[iy, ix, c]) * (1.0 - fx) + _linear(image[iy, ix + 1, c]) * fx
+        bottom = _linear(image[iy + 1, ix, c]) * (1.0 - fx) + _linear(image[iy + 1, ix + 1, c]) * fx
+        out[c] = top * (1.0 - fy) + bottom * fy
+
+
+@jit
 def _slope(signal: F64, k: int, taps: F64) -> float:
     """Length of the smoothed derivative of a colour signal ``(N, 3)`` at index ``k``."""
     half = len(taps) // 2
@@ -132,6 +159,77 @@ def _level(signal: F64, first: int, last: int) -> float:
 
 
 @jit
+def _shade(values: F64, behind: F64) -> float:
+    """How bright the outer end of a line ``(N, 3)`` is against the background's ``(N, 3)``."""
+    n = values.shape[0]
+    product, square = 0.0, 1e-9
+    for k in range(n - _FAR, n):
+        for c in range(3):
+            product += values[k, c] * behind[k, c]
+            square += behind[k, c] * behind[k, c]
+    return product / square
+
+
+@jit
+def _height_over_steepness(light: F64, at: int) -> float:
+    """Samples that a colour signal would take to fall to nothing, at its slope at an index."""
+    rise, height = 0.0, 0.0
+    for c in range(3):
+        d = light[at - _STEEPNESS, c] - light[at + _STEEPNESS, c]
+        rise += d * d
+        height += d * light[at, c]
+    return 2.0 * _STEEPNESS * height / max(rise, 1e-12)
+
+
+@jit
+def _rim(light: F64, at: int, shifts: F64, explains: F64, largest: float, found: F64) -> bool:
+    """Where a surface that starts with a step and a ramp best explains the light about an edge.
+
+    Args:
+        light: ``(N, 3)`` difference to the background in linear light, inside first.
+        at: Index of its steepest rise.
+        shifts: ``(G,)`` outward displacements from there that are tried, pixels, even steps.
+        explains: ``(G, 2, T)`` what step and ramp explain at each, from `WITHIN` inside outwards.
+        largest: Displacement that is looked at, pixels.
+        found: ``(2,)`` output: the displacement, and the share of the light left unexplained.
+
+    Returns:
+        Whether the best of the displacements is none at either end.
+    """
+    count, _, taps = explains.shape
+    first = at - WITHIN
+    total = 0.0
+    for t in range(taps):
+        for c in range(3):
+            total += light[first + t, c] * light[first + t, c]
+    if total <= 0.0:
+        return False
+    misfit = np.empty(count)
+    best = -1
+    for g in range(count):
+        explained = 0.0
+        for c in range(3):
+            for k in range(2):
+                v = 0.0
+                for t in range(taps):
+                    v += explains[g, k, t] * light[first + t, c]
+                explained += v * v
+        misfit[g] = total - explained
+        if shifts[g] <= largest and (best < 0 or misfit[g] < misfit[best]):
+            best = g
+    if best < 1 or best > count - 2:
+        return False
+    a, b, c2 = misfit[best - 1], misfit[best], misfit[best + 1]
+    curvature = a - 2.0 * b + c2
+    step = 0.0
+    if curvature > 1e-12 * total and a >= b and c2 >= b:
+        step = 0.5 * (a - c2) / curvature
+    found[0] = shifts[best] + step * (shifts[1] - shifts[0])
+    found[1] = b / total
+    return True
+
+
+@jit
 def find_edges(
     picture: F32,
     plate: F32,
@@ -141,8 +239,12 @@ def find_edges(
     reach: float,
     taps: F64,
     noise: float,
+    shifts: F64,
+    explains: F64,
+    step_width: float,
     offset: F64,
     contrast: F64,
+    misfit: F64,
     kind: I8,
 ) -> None:
     """Find the arm's occluding edge along the normal of every contour sample.
@@ -150,7 +252,10 @@ def find_edges(
     Where the background is known, the edge is the outermost steep rise of the difference to it
     with no difference beyond; texture of the arm and of the background has no such rise. Where it
     is not (parts that never move away), the steepest colour edge counts, when no other rivals it.
-    It is then located in linear light, in which a pixel half covered is half way in between.
+    It is then located in linear light, in which a pixel half covered is half way in between: by the
+    rim that explains the light best (`edge_rim`) where the background is known, else where the
+    light is steepest. The background may lie in the arm's shadow: along each line it is scaled to
+    what the line's outer end shows.
 
     Args:
         picture: ``(H, W, 3)`` the view, 0..255.
@@ -160,8 +265,10 @@ def find_edges(
         reach: Largest displacement, pixels.
         taps: Odd number of weights of the smoothed derivative.
         noise: Standard deviation of a channel.
+        shifts, explains, step_width: Of the rim, see `edge_rim.RimModel`.
         offset: ``(N,)`` output: outward displacement of the edge, pixels.
         contrast: ``(N,)`` output: height of the edge, 0..255.
+        misfit: ``(N,)`` output: share of the light about the edge that no rim explains.
         kind: ``(N,)`` output: see :data:`NONE`, :data:`AGAINST_PLATE`, :data:`COLOUR`.
     """
     pad = len(taps) // 2 + 6
@@ -170,12 +277,13 @@ def find_edges(
     middle = inner + pad
     near = np.empty((n, 3))
     light = np.empty((n, 3))
-    raw = np.empty((n, 3))
+    behind = np.empty((n, 3))
+    behind_light = np.empty((n, 3))
     slope = np.zeros(n)
-    colour, behind = np.empty(3), np.empty(3)
+    colour, linear, rim = np.empty(3), np.empty(3), np.empty(2)
     # The smoothed derivative of white noise, per channel and for both pictures.
     slope_noise = noise * np.sqrt(2.0 * 3.0 * np.sum(taps * taps) * STEP)
-    height, width = covered.shape
+    rows, columns = covered.shape
     for s in range(points.shape[0]):
         x, y, nx, ny = points[s, 0], points[s, 1], normals[s, 0], normals[s, 1]
         kind[s] = NONE
@@ -190,24 +298,29 @@ def find_edges(
                 break
             if t > 2.0:
                 ix, iy = int(px + 0.5), int(py + 0.5)
-                if covered[min(iy, height - 1), min(ix, width - 1)] != 0:
+                if covered[min(iy, rows - 1), min(ix, columns - 1)] != 0:
                     usable = False
                     break
+            _sample_light(picture, px, py, linear)
             for c in range(3):
-                raw[k, c] = colour[c]
-            if known and not _sample(plate, px, py, behind):
+                near[k, c], light[k, c] = colour[c], linear[c]
+            if known and not _sample(plate, px, py, colour):
                 known = False
             if known:
+                _sample_light(plate, px, py, linear)
                 for c in range(3):
-                    near[k, c] = colour[c] - behind[c]
-                    light[k, c] = _linear(colour[c]) - _linear(behind[c])
+                    behind[k, c], behind_light[k, c] = colour[c], linear[c]
         if not usable:
             continue
-        if not known:
+        if known:
+            # The arm's shadow darkens what the other views show there, evenly enough.
+            shade, shade_of_light = _shade(near, behind), _shade(light, behind_light)
+            if shade < _DARKEST or shade > _BRIGHTEST:
+                shade, shade_of_light = 1.0, 1.0
             for k in range(n):
                 for c in range(3):
-                    near[k, c] = raw[k, c]
-                    light[k, c] = _linear(raw[k, c])
+                    near[k, c] -= shade * behind[k, c]
+                    light[k, c] -= shade_of_light * behind_light[k, c]
         top = 0.0
         for k in range(pad - 6, n - pad + 6):
             slope[k] = _slope(near, k, taps)
@@ -253,5 +366,12 @@ def find_edges(
         if a > b or c2 > b or curvature >= -1e-12:
             continue
         offset[s] = (at - middle + 0.5 * (a - c2) / curvature) * STEP
+        if known:
+            width = _height_over_steepness(light, at) * STEP
+            largest = max(1.5 * width - step_width, _NEAREST)
+            if not _rim(light, at, shifts, explains, largest, rim):
+                continue
+            offset[s] = (at - middle) * STEP + rim[0]
+            misfit[s] = rim[1]
         contrast[s] = slope[best]
         kind[s] = AGAINST_PLATE if known else COLOUR

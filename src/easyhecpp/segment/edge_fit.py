@@ -31,7 +31,7 @@ FEWEST = 60
 _DILATION_PRIOR_PX = 0.15
 """Edges common to all contours: sharpening halos and the lens' blur, not a segmenter's habits."""
 
-_SMALLEST_SCALE_PX = 0.35
+_SMALLEST_SCALE_PX = 0.25
 _BLUR_PX = 1.0
 
 

@@ -92,6 +92,7 @@ def refine_edges(
     scene = backgrounds.scene
     trust = np.ones(len(scene)) if weights is None else np.asarray(weights, np.float64)
     reader = EdgeReader(backgrounds, ignore)
+    reader.measure_blur(start.T_mount_cam)
     T = start.T_mount_cam
     for reach in config.reaches_px:
         T = _descend(reader, T, reach, config, trust)

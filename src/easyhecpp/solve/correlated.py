@@ -35,6 +35,7 @@ the second number over the number of views: few contours, few independent errors
 on simulated calibrations of 640x360 (seeds 89000, 63000 and 73000 of the families of `bench
 trust`), so that these families need fresh scenes to be measured on."""
 
+
 _SMOOTHING_PX = 1.2
 
 _SETTLED_PX = 0.003
@@ -70,6 +71,11 @@ class Solution:
     shared: float
     seen: list[Evidence]
     weights: list[F64]
+
+
+def covariance_inflation(n_views: int) -> float:
+    """Factor on the covariance of a pose from so many views."""
+    return COVARIANCE_INFLATION * (1.0 + _INFLATION_BY_FEW_VIEWS / max(n_views, 1))
 
 
 def generalised_least_squares(
@@ -120,8 +126,7 @@ def generalised_least_squares(
         if settled or last:
             pulls = N + joint_noise.pulls(whole[count])
             spread = between_views(N, pulls, information, vectors, solution)
-            few = 1.0 + _INFLATION_BY_FEW_VIEWS / int(np.count_nonzero(count))
-            covariance = COVARIANCE_INFLATION * few * spread[:6, :6]
+            covariance = covariance_inflation(int(np.count_nonzero(count))) * spread[:6, :6]
             return Solution(
                 T, centre, covariance, information, vectors, float(solution[6]), noise,
                 joint_noise, shared, seen, weights,

@@ -19,7 +19,7 @@ from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
 from easyhecpp.rig import Rig
-from easyhecpp.solve.correlated import COVARIANCE_INFLATION
+from easyhecpp.solve.correlated import COVARIANCE_INFLATION, covariance_inflation
 from easyhecpp.solve.correlation import ContourPoints, average_samples, fit_noise
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
@@ -175,6 +175,7 @@ def refine_nuisances(
     refined, zeros = camera, np.zeros(rig.robot.n_joints)
     total = np.zeros(len(chosen))
     T = inverse(np.asarray(T_mount_cam, np.float64))
+    inflation = covariance_inflation(sum(o.weight > 0.0 for o in observations))
     covariance, added = np.zeros((len(chosen), len(chosen))), np.zeros((6, 6))
     for step in range(_ROUNDS):
         moved = [replace(o, joints=o.joints + zeros) for o in observations]
@@ -188,9 +189,9 @@ def refine_nuisances(
         H[_POSE:, _POSE:] += np.diag(1.0 / prior**2)
         g[_POSE:] -= total / prior**2
         solved = np.linalg.solve(H, g)
-        whole = COVARIANCE_INFLATION * np.linalg.inv(H)
+        whole = inflation * np.linalg.inv(H)
         covariance = whole[_POSE:, _POSE:]
-        known = COVARIANCE_INFLATION * np.linalg.inv(H[:_POSE, :_POSE])
+        known = inflation * np.linalg.inv(H[:_POSE, :_POSE])
         centre = problem.centre_cam(T)
         added = pose_covariance_from_centred(whole[:6, :6] - known[:6, :6], centre)
         T = perturb_about(T, centre, solved[:6])
