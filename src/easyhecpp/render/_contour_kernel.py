@@ -69,10 +69,12 @@ def _emit(
     xa, ya, za = ax, ay, az
     # Pieces of equal viewing angle: of equal length, all but a few of an edge that reaches close to
     # the camera's plane would lie outside of the picture.
-    da = np.sqrt(ax * ax + ay * ay + az * az)
-    db = np.sqrt(bx * bx + by * by + bz * bz)
-    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    angle = np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+    da, db, angle = 0.0, 0.0, 0.0
+    if pieces > 1:
+        da = np.sqrt(ax * ax + ay * ay + az * az)
+        db = np.sqrt(bx * bx + by * by + bz * bz)
+        cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        angle = np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
     for i in range(1, pieces + 1):
         if i == pieces:
             xb, yb, zb = bx, by, bz

@@ -26,6 +26,9 @@ COVERED = 0.75
 """A contour sample where more of the pixel is covered does not lie on the outline, where one half
 is; a little more in a concave corner."""
 
+_COLUMNS, _COLUMN_PX = 2048, 1.0
+"""Of the segments' rough order: filled from left to right, the lines are all but sorted."""
+
 _UNITS_PER_PX = float(1 << 25)
 _FAR_PX = 16000.0
 
@@ -41,6 +44,24 @@ def _line_range(y0: float, y1: float, n_lines: int) -> tuple[int, int]:
     first = max(0, int(np.ceil(min(low, float(n_lines)))))
     last = min(n_lines, int(np.ceil(max(high, 0.0))))
     return first, last
+
+
+@jit
+def _from_left(n: int, segments: F64) -> I32:
+    """The segments in the order of their middles from left to right, but for a few pixels."""
+    place = np.empty(n, np.int32)
+    start = np.zeros(_COLUMNS + 1, np.int32)
+    for s in range(n):
+        middle = 0.5 * (segments[s, 0] + segments[s, 2])
+        place[s] = int(min(max(middle, 0.0), _COLUMNS * _COLUMN_PX - 1.0) / _COLUMN_PX)
+        start[place[s] + 1] += 1
+    for column in range(_COLUMNS):
+        start[column + 1] += start[column]
+    order = np.empty(n, np.int32)
+    for s in range(n):
+        order[start[place[s]]] = s
+        start[place[s]] += 1
+    return order
 
 
 @jit
@@ -65,7 +86,7 @@ def crossings(n: int, segments: F64, height: int) -> tuple[I32, I64]:
         start[line + 1] += start[line]
     fill = start[:-1].copy()
     found = np.empty(start[n_lines], np.int64)
-    for s in range(n):
+    for s in _from_left(n, segments):
         first, last = ranges[s, 0], ranges[s, 1]
         if first >= last:
             continue
@@ -134,14 +155,14 @@ def line_spans(start: I32, found: I64, weights: I32, line: int, width: int, ends
 def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
     """Add the covered spans of every sample line to ``out`` ``(H, W)``, which must be zero."""
     height, width = out.shape
-    unit = 1.0 / LINES
-    inner = np.empty(width + 1)
+    one, unit = np.float32(1.0), np.float32(1.0 / LINES)
+    # Whole numbers add up faster than fractions, one after the other as they must.
+    inner = np.zeros(width + 1, np.int32)
     for row in range(height):
         begin, end = start[row * LINES], start[(row + 1) * LINES]
         if begin == end:
             continue
         low, high = width, 0
-        inner[:] = 0.0
         for line in range(row * LINES, (row + 1) * LINES):
             layers = 0
             left = 0.0
@@ -163,12 +184,15 @@ def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
                     out[row, ia] += unit * (ia + 1 - a)
                     if ib < width:
                         out[row, ib] += unit * (b - ib)
-                    inner[ia + 1] += unit
-                    inner[ib] -= unit
-        run = 0.0
+                    inner[ia + 1] += 1
+                    inner[ib] -= 1
+        run = np.int32(0)
         for x in range(low, high):
             run += inner[x]
-            out[row, x] = min(1.0, out[row, x] + run)
+            inner[x] = 0
+            out[row, x] = min(one, out[row, x] + unit * np.float32(run))
+        # A span that ends at the picture's right edge, or in the last pixel looked at.
+        inner[high] = 0
 
 
 @jit

@@ -19,8 +19,9 @@ from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
 from easyhecpp.rig import Rig
-from easyhecpp.solve.correlated import COVARIANCE_INFLATION, covariance_inflation
+from easyhecpp.solve.correlated import covariance_inflation
 from easyhecpp.solve.correlation import ContourPoints, average_samples, fit_noise
+from easyhecpp.solve.joint_noise import JointNoise
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.robust import consistent_scale, inlier_weights
@@ -135,7 +136,9 @@ def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[Strain, ...]:
         T_cam_mount: ``(4, 4)`` solution.
     """
     names = _names(problem.rig)
-    N, b = _joint_normal_equations(problem, T_cam_mount)
+    views, sides = _normal_equations_by_view(problem, T_cam_mount)
+    N, b = _summed(views, sides)
+    inflation = covariance_inflation(len(views))
     found = []
     for k, name in enumerate(names, start=_POSE):
         left, vector = _without_pose(N, b, np.array([k]))
@@ -144,9 +147,37 @@ def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[Strain, ...]:
         if information <= 1e-6 * float(N[k, k]):
             found.append(Strain(name, 0.0, np.inf))
             continue
-        sigma = float(np.sqrt(COVARIANCE_INFLATION / information))
-        found.append(Strain(name, float(vector[0]) / information, sigma))
+        value = float(vector[0]) / information
+        spread = _by_joint_errors(views, sides, N, k, value)
+        sigma = float(np.sqrt(inflation * (1.0 + spread / information) / information))
+        found.append(Strain(name, value, sigma))
     return tuple(found)
+
+
+def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> float:
+    """Variance that errors of the joints, fresh in every view, give the vector of a parameter.
+
+    Their size is that of the residuals once the parameter has its value: what it explains is not
+    put down to the joints.
+
+    Args:
+        views: ``(V, n, n)`` normal equations of each view.
+        sides: ``(V, n)`` their right-hand sides.
+        N: ``(n, n)`` their sum, with the prior of the dilation.
+        k: Index of the parameter.
+        value: What the data say of it.
+    """
+    # The zero of a joint moves the outline as its error in one view does.
+    unknowns = np.concatenate([np.arange(_POSE), np.arange(_POSE + 3, len(N))])
+    prior = np.zeros((_POSE, _POSE))
+    prior[6, 6] = _DILATION_INFORMATION
+    left = sides - views[:, :, k] * value
+    noise = JointNoise().fitted(
+        views[np.ix_(np.arange(len(views)), unknowns, unknowns)], left[:, unknowns], prior
+    )
+    gain = np.linalg.solve(N[:_POSE, :_POSE], N[:_POSE, k])
+    pull = views[:, k, _POSE + 3 :] - np.einsum("p,vpj->vj", gain, views[:, :_POSE, _POSE + 3 :])
+    return noise.variance * float(np.square(pull).sum())
 
 
 def refine_nuisances(
@@ -182,7 +213,7 @@ def refine_nuisances(
         problem = PoseProblem(rig, refined, moved)
         N, b = _joint_normal_equations(problem, T)
         if step == 0:
-            _refuse_unknowable(N, b, chosen, prior, names)
+            _refuse_unknowable(N / inflation, b, chosen, prior, names)
         free = np.concatenate([np.arange(_POSE, dtype=np.int64), chosen])
         H = N[np.ix_(free, free)].copy()
         g = b[free].copy()
@@ -215,7 +246,7 @@ def _refuse_unknowable(
     left, _ = _without_pose(N, b, chosen)
     # Other parameters may be as wrong as their priors allow.
     left = left + np.diag(1e-3 / prior**2)
-    sigma = np.sqrt(COVARIANCE_INFLATION * np.diag(np.linalg.inv(left)))
+    sigma = np.sqrt(np.diag(np.linalg.inv(left)))
     unknowable = [n for n, s, p in zip(names, sigma, prior, strict=True) if s > _LARGEST_SHARE * p]
     if unknowable:
         raise CalibrationError(
@@ -251,6 +282,18 @@ def _without_pose(N: F64, b: F64, chosen: NDArray[np.int64]) -> tuple[F64, F64]:
 
 
 def _joint_normal_equations(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64, F64]:
+    """Of all views, with the prior of the dilation."""
+    return _summed(*_normal_equations_by_view(problem, T_cam_mount))
+
+
+def _summed(views: F64, sides: F64) -> tuple[F64, F64]:
+    N = views.sum(axis=0)
+    N[6, 6] += _DILATION_INFORMATION
+    return N, sides.sum(axis=0)
+
+
+def _normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64, F64]:
+    """``(V, n, n)`` and ``(V, n)`` of the views that show something and have a say."""
     seen = problem.gather(T_cam_mount, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
     scale = consistent_scale(seen, problem.weights)
     points = [average_samples(e, inlier_weights(e.distances, scale)) for e in seen]
@@ -258,17 +301,16 @@ def _joint_normal_equations(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64
     joints = np.stack([o.joints for o in problem.observations])
     twists = joint_twists(problem.rig, joints, T_cam_mount, problem.centre_cam(T_cam_mount))
     size = _POSE + 3 + problem.rig.robot.n_joints
-    N, b = np.zeros((size, size)), np.zeros(size)
-    N[6, 6] = _DILATION_INFORMATION
+    N, b = [np.zeros((0, size, size))], [np.zeros((0, size))]
     for view, p in enumerate(points):
         if problem.weights[view] <= 0.0 or not len(p):
             continue
         A = np.column_stack([noise.design(p), noise.gain * _columns(problem, p, twists[view])])
         factor = cho_factor(noise.covariance(p, view), lower=True, check_finite=False)
         CA = cho_solve(factor, A, check_finite=False)
-        N += A.T @ CA
-        b += CA.T @ p.residuals
-    return N, b
+        N.append((A.T @ CA)[None])
+        b.append((CA.T @ p.residuals)[None])
+    return np.concatenate(N), np.concatenate(b)
 
 
 def _columns(problem: PoseProblem, points: ContourPoints, twists: F64) -> F64:
