@@ -23,7 +23,7 @@ _SMALLEST_MARGIN = 0.03
 _SHORT_CONTOUR_PX = 500.0
 _DOUBTFUL_ERROR, _FAILED_ERROR = 0.006, 0.05
 _FEWEST_AGREEING, _LARGEST_SHARE_OUT = 2, 0.26
-_STRAIN_Z, _FOCAL_Z = 4.5, 3.5
+_STRAIN_Z, _FOCAL_Z = 4.5, 3.3
 """The focal length moves all outlines alike, so chance imitates it less than a joint's zero."""
 _STRAIN_SIZE = {"focal": 0.008, "cx": 8.0, "cy": 8.0}
 _STRAIN_JOINT = 0.006

@@ -1,9 +1,9 @@
 """Intrinsics and joint zeros that do not fit: a test that costs little, and a refinement.
 
 Both rest on the joint normal equations of ``[delta (6), dilation, focal, cx, cy, joint zeros (n)]``
-with the noise model of the last stage. What the pose can imitate is taken out first (Schur
-complement): what is left is what the data say about a parameter when the pose is free. The zero of
-the first joint and the base's yaw, for instance, leave nothing.
+with the noise model of the last stage and the mask errors that views repeat. What the pose can
+imitate is taken out first (Schur complement): what is left is what the data say about a parameter
+when the pose is free. The zero of the first joint and the base's yaw, for instance, leave nothing.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from easyhecpp.solve.correlation import ContourPoints, average_samples, fit_nois
 from easyhecpp.solve.joint_noise import JointNoise
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.repeats import Repeats
 from easyhecpp.solve.robust import consistent_scale, inlier_weights
 from easyhecpp.solve.types import Observation
 
@@ -302,11 +303,15 @@ def _normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F
     twists = joint_twists(problem.rig, joints, T_cam_mount, problem.centre_cam(T_cam_mount))
     size = _POSE + 3 + problem.rig.robot.n_joints
     N, b = [np.zeros((0, size, size))], [np.zeros((0, size))]
-    for view, p in enumerate(points):
+    repeats = Repeats.among(points, problem.weights)
+    shared = repeats.shared([p.residuals for p in points])
+    for view, (p, others) in enumerate(zip(points, repeats.others(), strict=True)):
         if problem.weights[view] <= 0.0 or not len(p):
             continue
         A = np.column_stack([noise.design(p), noise.gain * _columns(problem, p, twists[view])])
-        factor = cho_factor(noise.covariance(p, view), lower=True, check_finite=False)
+        scale = np.sqrt(1.0 + shared * others)
+        C = noise.covariance(p, view) * (scale[:, None] * scale)
+        factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, A, check_finite=False)
         N.append((A.T @ CA)[None])
         b.append((CA.T @ p.residuals)[None])
