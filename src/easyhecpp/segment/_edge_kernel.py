@@ -230,6 +230,97 @@ def _rim(light: F64, at: int, shifts: F64, explains: F64, largest: float, found:
 
 
 @jit
+def _read_line(
+    picture: F32,
+    plate: F32,
+    covered: U8,
+    point: F64,
+    normal: F64,
+    middle: int,
+    near: F64,
+    light: F64,
+    behind: F64,
+    behind_light: F64,
+) -> int:
+    """Read a line across the contour into ``near`` and, in linear light, ``light``, inside first.
+
+    They hold the difference to the background where that is known, else the picture itself.
+
+    Args:
+        picture, plate, covered: As for `find_edges`.
+        point, normal: ``(2,)`` of the contour sample.
+        middle: Index of the sample on the line.
+        near, light: ``(N, 3)`` output.
+        behind, behind_light: ``(N, 3)`` room for the background.
+
+    Returns:
+        What an edge could be found from; `NONE` where the line leaves the picture or meets the arm
+        again outside of it.
+    """
+    rows, columns = covered.shape
+    colour, linear = np.empty(3), np.empty(3)
+    known = True
+    for k in range(near.shape[0]):
+        t = (k - middle) * STEP
+        x, y = point[0] + t * normal[0], point[1] + t * normal[1]
+        if not _sample(picture, x, y, colour):
+            return NONE
+        if t > 2.0 and covered[min(int(y + 0.5), rows - 1), min(int(x + 0.5), columns - 1)] != 0:
+            return NONE
+        _sample_light(picture, x, y, linear)
+        for c in range(3):
+            near[k, c], light[k, c] = colour[c], linear[c]
+        if known and not _sample(plate, x, y, colour):
+            known = False
+        if known:
+            _sample_light(plate, x, y, linear)
+            for c in range(3):
+                behind[k, c], behind_light[k, c] = colour[c], linear[c]
+    if not known:
+        return COLOUR
+    # The arm's shadow darkens what the other views show there, evenly enough.
+    shade, shade_of_light = _shade(near, behind), _shade(light, behind_light)
+    if shade < _DARKEST or shade > _BRIGHTEST:
+        shade, shade_of_light = 1.0, 1.0
+    for k in range(near.shape[0]):
+        for c in range(3):
+            near[k, c] -= shade * behind[k, c]
+            light[k, c] -= shade_of_light * behind_light[k, c]
+    return AGAINST_PLATE
+
+
+@jit
+def _outermost_rise(near: F64, slope: F64, pad: int, least: float, noise: float) -> int:
+    """The outermost steep rise of a difference ``(N, 3)`` with none beyond it; -1 for none."""
+    for k in range(len(slope) - pad - 1, pad - 1, -1):
+        if slope[k] < least or slope[k] < slope[k - 1] or slope[k] < slope[k + 1]:
+            continue
+        inside, beyond = _level(near, k - 8, k - 3), _level(near, k + 3, k + 8)
+        if beyond > max(4.0 * noise, 0.3 * inside) or inside < 6.0 * noise:
+            # Something else begins out there: this line does not show the arm's edge.
+            return -1
+        return k
+    return -1
+
+
+@jit
+def _lone_rise(slope: F64, pad: int, least: float, sigma: float) -> int:
+    """The steepest place near the middle, when no other rivals it; -1 for none."""
+    middle = len(slope) // 2
+    best, value, rival = -1, 0.0, 0.0
+    for k in range(pad, len(slope) - pad):
+        if slope[k] < least or slope[k] < slope[k - 1] or slope[k] < slope[k + 1]:
+            continue
+        v = slope[k] * np.exp(-0.5 * ((k - middle) / sigma) ** 2)
+        if v > value:
+            rival = value
+            value, best = v, k
+        elif v > rival:
+            rival = v
+    return best if rival <= 0.6 * value else -1
+
+
+@jit
 def find_edges(
     picture: F32,
     plate: F32,
@@ -280,79 +371,30 @@ def find_edges(
     behind = np.empty((n, 3))
     behind_light = np.empty((n, 3))
     slope = np.zeros(n)
-    colour, linear, rim = np.empty(3), np.empty(3), np.empty(2)
+    rim = np.empty(2)
     # The smoothed derivative of white noise, per channel and for both pictures.
     slope_noise = noise * np.sqrt(2.0 * 3.0 * np.sum(taps * taps) * STEP)
-    rows, columns = covered.shape
     for s in range(points.shape[0]):
-        x, y, nx, ny = points[s, 0], points[s, 1], normals[s, 0], normals[s, 1]
         kind[s] = NONE
         offset[s] = 0.0
         contrast[s] = 0.0
-        usable, known = True, True
-        for k in range(n):
-            t = (k - middle) * STEP
-            px, py = x + t * nx, y + t * ny
-            if not _sample(picture, px, py, colour):
-                usable = False
-                break
-            if t > 2.0:
-                ix, iy = int(px + 0.5), int(py + 0.5)
-                if covered[min(iy, rows - 1), min(ix, columns - 1)] != 0:
-                    usable = False
-                    break
-            _sample_light(picture, px, py, linear)
-            for c in range(3):
-                near[k, c], light[k, c] = colour[c], linear[c]
-            if known and not _sample(plate, px, py, colour):
-                known = False
-            if known:
-                _sample_light(plate, px, py, linear)
-                for c in range(3):
-                    behind[k, c], behind_light[k, c] = colour[c], linear[c]
-        if not usable:
+        misfit[s] = 0.0
+        seen = _read_line(
+            picture, plate, covered, points[s], normals[s], middle, near, light, behind,
+            behind_light,
+        )  # fmt: skip
+        if seen == NONE:
             continue
-        if known:
-            # The arm's shadow darkens what the other views show there, evenly enough.
-            shade, shade_of_light = _shade(near, behind), _shade(light, behind_light)
-            if shade < _DARKEST or shade > _BRIGHTEST:
-                shade, shade_of_light = 1.0, 1.0
-            for k in range(n):
-                for c in range(3):
-                    near[k, c] -= shade * behind[k, c]
-                    light[k, c] -= shade_of_light * behind_light[k, c]
         top = 0.0
         for k in range(pad - 6, n - pad + 6):
             slope[k] = _slope(near, k, taps)
             if pad <= k < n - pad:
                 top = max(top, slope[k])
         least = max(4.0 * slope_noise, 0.3 * top)
-        best = -1
-        if known:
-            for k in range(n - pad - 1, pad - 1, -1):
-                if slope[k] < least or slope[k] < slope[k - 1] or slope[k] < slope[k + 1]:
-                    continue
-                inside, beyond = _level(near, k - 8, k - 3), _level(near, k + 3, k + 8)
-                if beyond > max(4.0 * noise, 0.3 * inside) or inside < 6.0 * noise:
-                    # Something else begins out there: this line does not show the arm's edge.
-                    break
-                best = k
-                break
+        if seen == AGAINST_PLATE:
+            best = _outermost_rise(near, slope, pad, least, noise)
         else:
-            rival = 0.0
-            value = 0.0
-            for k in range(pad, n - pad):
-                if slope[k] < least or slope[k] < slope[k - 1] or slope[k] < slope[k + 1]:
-                    continue
-                t = (k - middle) * STEP
-                v = slope[k] * np.exp(-0.5 * (t / (0.6 * reach)) ** 2)
-                if v > value:
-                    rival = value
-                    value, best = v, k
-                elif v > rival:
-                    rival = v
-            if rival > 0.6 * value:
-                best = -1
+            best = _lone_rise(slope, pad, least, 0.6 * reach / STEP)
         if best < 0:
             continue
         # Locate in linear light, near the place found.
@@ -361,17 +403,17 @@ def find_edges(
             v = _slope(light, k, taps)
             if v > highest:
                 highest, at = v, k
-        a, b, c2 = _slope(light, at - 1, taps), highest, _slope(light, at + 1, taps)
-        curvature = a - 2.0 * b + c2
-        if a > b or c2 > b or curvature >= -1e-12:
+        a, b = _slope(light, at - 1, taps), _slope(light, at + 1, taps)
+        curvature = a - 2.0 * highest + b
+        if a > highest or b > highest or curvature >= -1e-12:
             continue
-        offset[s] = (at - middle + 0.5 * (a - c2) / curvature) * STEP
-        if known:
+        if seen == AGAINST_PLATE:
             width = _height_over_steepness(light, at) * STEP
             largest = max(1.5 * width - step_width, _NEAREST)
             if not _rim(light, at, shifts, explains, largest, rim):
                 continue
-            offset[s] = (at - middle) * STEP + rim[0]
-            misfit[s] = rim[1]
+            offset[s], misfit[s] = (at - middle) * STEP + rim[0], rim[1]
+        else:
+            offset[s] = (at - middle + 0.5 * (a - b) / curvature) * STEP
         contrast[s] = slope[best]
-        kind[s] = AGAINST_PLATE if known else COLOUR
+        kind[s] = seen
