@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from easyhecpp.capture import Capture
@@ -13,7 +14,8 @@ from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import SolveConfig
-from easyhecpp.solve.consistency import solve_consistent
+from easyhecpp.solve.consistency import Findings, ViewFinding, solve_consistent
+from easyhecpp.solve.reasons import FEW_CONTOUR
 
 FEWEST_VIEWS = 3
 """With fewer views there is no background to tell the arm from."""
@@ -65,13 +67,39 @@ def calibrate_classically(
     notes = tuple(f"view {q.view_id}: {note}" for q in found.quality for note in q.notes)
     return Outcome(
         estimate,
-        findings,
+        with_unseen(findings, capture.view_ids),
         masks,
         found.margin,
         found.before_edges if edges else None,
         found.reasons,
         (*notes, found.refinement.reason) if edges else notes,
     )
+
+
+def with_unseen(findings: Findings, ids: Sequence[str]) -> Findings:
+    """The findings with an entry for every view, those without a mask among them.
+
+    A view gets no mask when the pose puts the arm out of it: it speaks neither for the pose nor
+    against it.
+
+    Args:
+        findings: Of the views that have a mask.
+        ids: Names of all views.
+    """
+    known = {finding.id: finding for finding in findings.views}
+    views = tuple(
+        known.get(
+            name,
+            ViewFinding(
+                name,
+                True,
+                (FEW_CONTOUR,),
+                f"View {name} shows nothing of the arm and says nothing.",
+            ),
+        )
+        for name in ids
+    )
+    return replace(findings, views=views)
 
 
 def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outcome:
