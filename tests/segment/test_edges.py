@@ -8,15 +8,8 @@ from scenes_small import photographed
 from scipy.special import ndtr
 
 from easyhecpp.geometry import inverse, perturb_about, pose_error
-from easyhecpp.segment._edge_kernel import (
-    AGAINST_PLATE,
-    BEYOND,
-    COLOUR,
-    NONE,
-    STEP,
-    WITHIN,
-    find_edges,
-)
+from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
+from easyhecpp.segment._rim_kernel import BEYOND, STEP, WITHIN
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edge_rim import RimModel

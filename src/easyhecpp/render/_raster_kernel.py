@@ -26,8 +26,8 @@ COVERED = 0.75
 """A contour sample where more of the pixel is covered does not lie on the outline, where one half
 is; a little more in a concave corner."""
 
-_COLUMNS, _COLUMN_PX = 2048, 1.0
-"""Of the segments' rough order: filled from left to right, the lines are all but sorted."""
+_COLUMNS = 2048
+"""Pixels of the segments' rough order: filled from left to right, lines are all but sorted."""
 
 _UNITS_PER_PX = float(1 << 25)
 _FAR_PX = 16000.0
@@ -48,12 +48,12 @@ def _line_range(y0: float, y1: float, n_lines: int) -> tuple[int, int]:
 
 @jit
 def _from_left(n: int, segments: F64) -> I32:
-    """The segments in the order of their middles from left to right, but for a few pixels."""
+    """The segments in the order of their middles from left to right, to a pixel."""
     place = np.empty(n, np.int32)
     start = np.zeros(_COLUMNS + 1, np.int32)
     for s in range(n):
         middle = 0.5 * (segments[s, 0] + segments[s, 2])
-        place[s] = int(min(max(middle, 0.0), _COLUMNS * _COLUMN_PX - 1.0) / _COLUMN_PX)
+        place[s] = int(min(max(middle, 0.0), _COLUMNS - 1.0))
         start[place[s] + 1] += 1
     for column in range(_COLUMNS):
         start[column + 1] += start[column]
@@ -191,7 +191,7 @@ def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
             run += inner[x]
             inner[x] = 0
             out[row, x] = min(one, out[row, x] + unit * np.float32(run))
-        # A span that ends at the picture's right edge, or in the last pixel looked at.
+        # Of spans that end at the picture's right edge.
         inner[high] = 0
 
 

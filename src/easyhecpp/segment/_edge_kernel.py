@@ -6,29 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.render._jit import jit
+from easyhecpp.segment._rim_kernel import STEP, locate_rim
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I8 = NDArray[np.int8]
 U8 = NDArray[np.uint8]
 
-STEP = 0.5
-"""Distance of the samples along a normal, pixels."""
-
-WITHIN, BEYOND = 4, 6
-"""Samples inside and outside of the steepest rise that a rim is fitted to."""
-
 _FAR = 9
 """Outermost samples of a line, which show the background."""
 
 _DARKEST, _BRIGHTEST = 0.2, 1.1
 """Shade of the background, against the other views, that is taken for a shadow or a reflection."""
-
-_NEAREST = 0.25
-"""Displacement from the steepest rise that a rim may always have, pixels."""
-
-_STEEPNESS = 2
-"""Samples to either side over which the steepness of a rim is measured: a pixel."""
 
 NONE, AGAINST_PLATE, COLOUR = 0, 1, 2
 """What an edge was found from: nothing, the difference to the plate, the colour alone."""
@@ -42,90 +31,22 @@ def _linear(v: float) -> float:
 
 
 @jit
-def background_plate(values: F32, covered: U8, view: int, band: U8, noise: float, out: F32) -> None:
-    """The background's colour behind a view's contour band; nan where no view shows it.
-
-    Of the views without the arm at a pixel, the ones that agree with the third nearest to what the
-    view itself shows are averaged: what moves in the background has several states, and the view
-    shows one of them.
-
-    Args:
-        values: ``(V, H, W, 3)`` equalised pictures, 0..255.
-        covered: ``(V, H, W)`` nonzero where a view shows the arm or may show it.
-        view: The view.
-        band: ``(H, W)`` nonzero where the plate is wanted.
-        noise: Standard deviation of a channel.
-        out: ``(H, W, 3)``.
-    """
-    n, height, width = covered.shape
-    distance = np.empty(n)
-    order = np.empty(n, np.int64)
-    limit = 25.0 * 6.0 * noise * noise
-    for y in range(height):
-        for x in range(width):
-            if band[y, x] == 0:
-                continue
-            count = 0
-            for other in range(n):
-                if other == view or covered[other, y, x] != 0:
-                    continue
-                d = 0.0
-                for c in range(3):
-                    e = values[view, y, x, c] - values[other, y, x, c]
-                    d += e * e
-                at = count
-                while at > 0 and distance[at - 1] > d:
-                    distance[at] = distance[at - 1]
-                    order[at] = order[at - 1]
-                    at -= 1
-                distance[at] = d
-                order[at] = other
-                count += 1
-            if count == 0:
-                out[y, x, 0] = np.nan
-                continue
-            chosen = order[(count - 1) // 3]
-            total = 0
-            r, g, b = 0.0, 0.0, 0.0
-            for i in range(count):
-                other = order[i]
-                d = 0.0
-                for c in range(3):
-                    e = values[chosen, y, x, c] - values[other, y, x, c]
-                    d += e * e
-                if d <= limit:
-                    r += values[other, y, x, 0]
-                    g += values[other, y, x, 1]
-                    b += values[other, y, x, 2]
-                    total += 1
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = r / total, g / total, b / total
-
-
-@jit
-def _sample(image: F32, x: float, y: float, out: F64) -> bool:
-    """Bilinear colour; False outside of the image or next to an unknown pixel."""
+def _sample(image: F32, x: float, y: float, colour: F64, light: F64) -> bool:
+    """Bilinear colour, and in linear light; False off the image or next to an unknown pixel."""
     height, width = image.shape[0], image.shape[1]
     if x < 0.0 or y < 0.0 or x > width - 1.0 or y > height - 1.0:
         return False
     ix, iy = min(int(x), width - 2), min(int(y), height - 2)
     fx, fy = x - ix, y - iy
     for c in range(3):
-        top = image[iy, ix, c] * (1.0 - fx) + image[iy, ix + 1, c] * fx
-        bottom = image[iy + 1, ix, c] * (1.0 - fx) + image[iy + 1, ix + 1, c] * fx
-        out[c] = top * (1.0 - fy) + bottom * fy
-    return not np.isnan(out[0])
-
-
-@jit
-def _sample_light(image: F32, x: float, y: float, out: F64) -> None:
-    """Bilinear colour in linear light, where `_sample` finds one."""
-    height, width = image.shape[0], image.shape[1]
-    ix, iy = min(int(x), width - 2), min(int(y), height - 2)
-    fx, fy = x - ix, y - iy
-    for c in range(3):
-        top = _linear(image[iy, ix, c]) * (1.0 - fx) + _linear(image[iy, ix + 1, c]) * fx
-        bottom = _linear(image[iy + 1, ix, c]) * (1.0 - fx) + _linear(image[iy + 1, ix + 1, c]) * fx
-        out[c] = top * (1.0 - fy) + bottom * fy
+        p, q = image[iy, ix, c], image[iy, ix + 1, c]
+        r, s = image[iy + 1, ix, c], image[iy + 1, ix + 1, c]
+        top, bottom = p * (1.0 - fx) + q * fx, r * (1.0 - fx) + s * fx
+        colour[c] = top * (1.0 - fy) + bottom * fy
+        top = _linear(p) * (1.0 - fx) + _linear(q) * fx
+        bottom = _linear(r) * (1.0 - fx) + _linear(s) * fx
+        light[c] = top * (1.0 - fy) + bottom * fy
+    return not np.isnan(colour[0])
 
 
 @jit
@@ -171,65 +92,6 @@ def _shade(values: F64, behind: F64) -> float:
 
 
 @jit
-def _height_over_steepness(light: F64, at: int) -> float:
-    """Samples that a colour signal would take to fall to nothing, at its slope at an index."""
-    rise, height = 0.0, 0.0
-    for c in range(3):
-        d = light[at - _STEEPNESS, c] - light[at + _STEEPNESS, c]
-        rise += d * d
-        height += d * light[at, c]
-    return 2.0 * _STEEPNESS * height / max(rise, 1e-12)
-
-
-@jit
-def _rim(light: F64, at: int, shifts: F64, explains: F64, largest: float, found: F64) -> bool:
-    """Where a surface that starts with a step and a ramp best explains the light about an edge.
-
-    Args:
-        light: ``(N, 3)`` difference to the background in linear light, inside first.
-        at: Index of its steepest rise.
-        shifts: ``(G,)`` outward displacements from there that are tried, pixels, even steps.
-        explains: ``(G, 2, T)`` what step and ramp explain at each, from `WITHIN` inside outwards.
-        largest: Displacement that is looked at, pixels.
-        found: ``(2,)`` output: the displacement, and the share of the light left unexplained.
-
-    Returns:
-        Whether the best of the displacements is none at either end.
-    """
-    count, _, taps = explains.shape
-    first = at - WITHIN
-    total = 0.0
-    for t in range(taps):
-        for c in range(3):
-            total += light[first + t, c] * light[first + t, c]
-    if total <= 0.0:
-        return False
-    misfit = np.empty(count)
-    best = -1
-    for g in range(count):
-        explained = 0.0
-        for c in range(3):
-            for k in range(2):
-                v = 0.0
-                for t in range(taps):
-                    v += explains[g, k, t] * light[first + t, c]
-                explained += v * v
-        misfit[g] = total - explained
-        if shifts[g] <= largest and (best < 0 or misfit[g] < misfit[best]):
-            best = g
-    if best < 1 or best > count - 2:
-        return False
-    a, b, c2 = misfit[best - 1], misfit[best], misfit[best + 1]
-    curvature = a - 2.0 * b + c2
-    step = 0.0
-    if curvature > 1e-12 * total and a >= b and c2 >= b:
-        step = 0.5 * (a - c2) / curvature
-    found[0] = shifts[best] + step * (shifts[1] - shifts[0])
-    found[1] = b / total
-    return True
-
-
-@jit
 def _read_line(
     picture: F32,
     plate: F32,
@@ -263,17 +125,15 @@ def _read_line(
     for k in range(near.shape[0]):
         t = (k - middle) * STEP
         x, y = point[0] + t * normal[0], point[1] + t * normal[1]
-        if not _sample(picture, x, y, colour):
+        if not _sample(picture, x, y, colour, linear):
             return NONE
         if t > 2.0 and covered[min(int(y + 0.5), rows - 1), min(int(x + 0.5), columns - 1)] != 0:
             return NONE
-        _sample_light(picture, x, y, linear)
         for c in range(3):
             near[k, c], light[k, c] = colour[c], linear[c]
-        if known and not _sample(plate, x, y, colour):
+        if known and not _sample(plate, x, y, colour, linear):
             known = False
         if known:
-            _sample_light(plate, x, y, linear)
             for c in range(3):
                 behind[k, c], behind_light[k, c] = colour[c], linear[c]
     if not known:
@@ -408,9 +268,7 @@ def find_edges(
         if a > highest or b > highest or curvature >= -1e-12:
             continue
         if seen == AGAINST_PLATE:
-            width = _height_over_steepness(light, at) * STEP
-            largest = max(1.5 * width - step_width, _NEAREST)
-            if not _rim(light, at, shifts, explains, largest, rim):
+            if not locate_rim(light, at, shifts, explains, step_width, rim):
                 continue
             offset[s], misfit[s] = (at - middle) * STEP + rim[0], rim[1]
         else:

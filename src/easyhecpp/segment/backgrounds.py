@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse
-from easyhecpp.segment._edge_kernel import background_plate
+from easyhecpp.segment._plate_kernel import background_plate
 from easyhecpp.segment.pictures import exposure, measured_noise
 from easyhecpp.segment.scene import Scene
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse
 from easyhecpp.render import Contour
-from easyhecpp.segment._edge_kernel import AGAINST_PLATE, NONE, STEP, find_edges
+from easyhecpp.segment._edge_kernel import AGAINST_PLATE, NONE, find_edges
+from easyhecpp.segment._rim_kernel import STEP
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_rim import BLURS_PX, USUAL_BLUR_PX, RimModel
 

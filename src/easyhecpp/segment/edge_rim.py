@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from easyhecpp.segment._edge_kernel import BEYOND, STEP, WITHIN
+from easyhecpp.segment._rim_kernel import BEYOND, STEP, WITHIN
 
 F64 = NDArray[np.float64]
 

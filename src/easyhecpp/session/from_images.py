@@ -67,7 +67,7 @@ def calibrate_classically(
     notes = tuple(f"view {q.view_id}: {note}" for q in found.quality for note in q.notes)
     return Outcome(
         estimate,
-        with_unseen(findings, capture.view_ids),
+        _with_unseen(findings, capture.view_ids),
         masks,
         found.margin,
         found.before_edges if edges else None,
@@ -76,7 +76,7 @@ def calibrate_classically(
     )
 
 
-def with_unseen(findings: Findings, ids: Sequence[str]) -> Findings:
+def _with_unseen(findings: Findings, ids: Sequence[str]) -> Findings:
     """The findings with an entry for every view, those without a mask among them.
 
     A view gets no mask when the pose puts the arm out of it: it speaks neither for the pose nor
