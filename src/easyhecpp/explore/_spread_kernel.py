@@ -81,8 +81,7 @@ def summed_variances(
     """
     n_masks, n_links = Ts_cam_mount.shape[0], Ts_mount_link.shape[1]
     n_lines = height * LINES
-    points = np.empty(vertices.shape)
-    stamps = np.empty(vertices.shape[0], np.int8)
+    outline = np.empty(edges.shape[0], np.int32)
     sides = np.empty(planes.shape[1] + 1, np.int8)
     capacity = 4 * edges.shape[0] + 64
     segments = np.empty((capacity, 4))
@@ -100,17 +99,16 @@ def summed_variances(
         for mask in range(n_masks):
             for link in range(n_links):
                 Ts[link] = Ts_cam_mount[mask] @ Ts_mount_link[pose, link]
-            stamps[:] = 0
             n = contour_segments(
                 Ts, vertices, vertex_start, boxes, planes, faces, face_start, edges, edge_faces,
-                edge_start, fc, model, k, valid_radius, points, stamps, sides,
+                edge_start, fc, model, k, valid_radius, outline, sides,
                 segments, corners, weights, links,
             )  # fmt: skip
-            start, found = crossings(min(n, capacity), segments, height)
+            start, found = crossings(min(n, capacity), segments, weights, height)
             for line in range(n_lines):
                 if start[line] == start[line + 1]:
                     continue
-                written = line_spans(start, found, weights, line, width, own)
+                written = line_spans(start, found, line, width, own)
                 for i in range(0, min(written, 2 * (room - counts[line])), 2):
                     ends[line, 0, counts[line]] = own[i]
                     ends[line, 1, counts[line]] = own[i + 1]

@@ -87,8 +87,7 @@ def fit_seeds(
     """
     n_views, height, width = masks.shape
     n_links = Ts_mount_link.shape[1]
-    points = np.empty(vertices.shape)
-    stamps = np.empty(vertices.shape[0], np.int8)
+    outline = np.empty(edges.shape[0], np.int32)
     sides = np.empty(planes.shape[1] + 1, np.int8)
     capacity = 4 * edges.shape[0] + 64
     segments = np.empty((capacity, 4))
@@ -107,18 +106,17 @@ def fit_seeds(
             for v in range(n_views):
                 for link in range(n_links):
                     Ts[link] = T @ Ts_mount_link[v, link]
-                stamps[:] = 0
                 n = contour_segments(
                     Ts, vertices, vertex_start, boxes, planes, faces, face_start, edges,
-                    edge_faces, edge_start, fc, model, k, valid_radius, points, stamps, sides,
+                    edge_faces, edge_start, fc, model, k, valid_radius, outline, sides,
                     segments, ends, weights, links,
                 )  # fmt: skip
                 # Under a strong lens right before the arm there may be no room: such a seed is
                 # drawn in part, scores badly and is none to keep.
                 n = min(n, capacity)
-                start, found = crossings(n, segments, height)
+                start, found = crossings(n, segments, weights, height)
                 coverage[:] = 0.0
-                fill_coverage(start, found, weights, coverage)
+                fill_coverage(start, found, coverage)
                 seen, mx, my, both, either = overlap(coverage, masks[v])
                 score += both / max(either, 1e-9) / n_views
                 if seen > 1.0:

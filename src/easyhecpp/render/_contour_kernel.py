@@ -113,6 +113,7 @@ def _cut(points: F64, a: int, b: int, out: F64) -> None:
 def _cut_link(
     n: int,
     link: int,
+    first: int,
     faces: I32,
     edges: U32,
     edge_faces: U32,
@@ -131,13 +132,14 @@ def _cut_link(
     """Segments of a link that reaches behind the near plane.
 
     What is left of its contour edges, and of every face that is cut the new edge on the plane:
-    together they are closed again. ``face_sides`` are the sides of ``faces``.
+    together they are closed again. ``face_sides`` are the sides of ``faces``; ``points`` are the
+    link's own, from vertex ``first`` on.
     """
     p = np.empty(3)
     q = np.empty(3)
     for e in range(edges.shape[0]):
         w = sides[edge_faces[e, 0]] - sides[edge_faces[e, 1]]
-        a, b = edges[e, 0], edges[e, 1]
+        a, b = int(edges[e, 0]) - first, int(edges[e, 1]) - first
         a_in, b_in = points[a, 2] > NEAR, points[b, 2] > NEAR
         if w == 0 or not (a_in or b_in):
             continue
@@ -153,7 +155,7 @@ def _cut_link(
     for f in range(faces.shape[0]):
         cuts = 0
         for j in range(3):
-            a, b = faces[f, j], faces[f, (j + 1) % 3]
+            a, b = faces[f, j] - first, faces[f, (j + 1) % 3] - first
             a_in, b_in = points[a, 2] > NEAR, points[b, 2] > NEAR
             if a_in == b_in:
                 continue
@@ -181,12 +183,6 @@ def _sides(planes: F32, first: int, last: int, cx: float, cy: float, cz: float, 
 
 
 @jit
-def _to_camera(T: F64, v: F64, out: F64) -> None:
-    for i in range(3):
-        out[i] = T[i, 0] * v[0] + T[i, 1] * v[1] + T[i, 2] * v[2] + T[i, 3]
-
-
-@jit
 def contour_segments(
     Ts_cam_link: F64,
     vertices: F64,
@@ -202,8 +198,7 @@ def contour_segments(
     model: int,
     k: F64,
     valid_radius: float,
-    points: F64,
-    stamps: I8,
+    outline: I32,
     sides: I8,
     segments: F64,
     ends: F64,
@@ -219,7 +214,7 @@ def contour_segments(
         planes: ``(4, F)`` unit normals and offsets; ``faces`` ``(F, 3)`` global vertex indices.
         edges: ``(E, 2)`` vertex indices; ``edge_faces`` ``(E, 2)``: the first walks
             along the edge, the second against it; F stands for "no face".
-        points, stamps, sides: work arrays ``(V, 3)``, ``(V,)``, ``(F+1,)``.
+        outline, sides: work arrays ``(E,)``, ``(F+1,)``.
         segments: ``(C, 4)`` pixel ends; ``ends`` ``(C, 6)`` the same in the camera frame.
     """
     n = 0
@@ -241,35 +236,43 @@ def contour_segments(
         cy = -(T[0, 1] * T[0, 3] + T[1, 1] * T[1, 3] + T[2, 1] * T[2, 3])
         cz = -(T[0, 2] * T[0, 3] + T[1, 2] * T[1, 3] + T[2, 2] * T[2, 3])
         _sides(planes, face_start[link], face_start[link + 1], cx, cy, cz, sides)
-        if middle - half <= NEAR:
-            for v in range(v0, v1):
-                _to_camera(T, vertices[v], points[v])
-            f0, f1 = face_start[link], face_start[link + 1]
-            e0, e1 = edge_start[link], edge_start[link + 1]
-            n = _cut_link(
-                n, link, faces[f0:f1], edges[e0:e1], edge_faces[e0:e1], sides, sides[f0:f1],
-                points, fc, model, k, valid_radius, segments, ends, weights, links,
-            )  # fmt: skip
-            continue
         # Scalars, not row views: each view would cost two atomic reference counts.
         r00, r01, r02, tx = T[0, 0], T[0, 1], T[0, 2], T[0, 3]
         r10, r11, r12, ty = T[1, 0], T[1, 1], T[1, 2], T[1, 3]
         r20, r21, r22, tz = T[2, 0], T[2, 1], T[2, 2], T[2, 3]
+        if middle - half <= NEAR:
+            points = np.empty((v1 - v0, 3))
+            for v in range(v0, v1):
+                x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+                points[v - v0, 0] = r00 * x + r01 * y + r02 * z + tx
+                points[v - v0, 1] = r10 * x + r11 * y + r12 * z + ty
+                points[v - v0, 2] = r20 * x + r21 * y + r22 * z + tz
+            f0, f1 = face_start[link], face_start[link + 1]
+            e0, e1 = edge_start[link], edge_start[link + 1]
+            n = _cut_link(
+                n, link, v0, faces[f0:f1], edges[e0:e1], edge_faces[e0:e1], sides, sides[f0:f1],
+                points, fc, model, k, valid_radius, segments, ends, weights, links,
+            )  # fmt: skip
+            continue
+        # First which edges, then what they are: one in a dozen is a contour edge, and a branch on
+        # it would be guessed wrong each time.
+        n_outline = 0
         for e in range(edge_start[link], edge_start[link + 1]):
+            outline[n_outline] = e
+            n_outline += sides[edge_faces[e, 0]] != sides[edge_faces[e, 1]]
+        for i in range(n_outline):
+            e = outline[i]
             w = sides[edge_faces[e, 0]] - sides[edge_faces[e, 1]]
-            if w == 0:
-                continue
-            for j in range(2):
-                v = edges[e, j]
-                if stamps[v] == 0:
-                    stamps[v] = 1
-                    x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-                    points[v, 0] = r00 * x + r01 * y + r02 * z + tx
-                    points[v, 1] = r10 * x + r11 * y + r12 * z + ty
-                    points[v, 2] = r20 * x + r21 * y + r22 * z + tz
-            a, b = edges[e, 0], edges[e, 1]
-            ax, ay, az = points[a, 0], points[a, 1], points[a, 2]
-            bx, by, bz = points[b, 0], points[b, 1], points[b, 2]
+            v = edges[e, 0]
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            ax = r00 * x + r01 * y + r02 * z + tx
+            ay = r10 * x + r11 * y + r12 * z + ty
+            az = r20 * x + r21 * y + r22 * z + tz
+            v = edges[e, 1]
+            x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+            bx = r00 * x + r01 * y + r02 * z + tx
+            by = r10 * x + r11 * y + r12 * z + ty
+            bz = r20 * x + r21 * y + r22 * z + tz
             if bent:
                 n = _emit(
                     n, int(w), link, ax, ay, az, bx, by, bz,

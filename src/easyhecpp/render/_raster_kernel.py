@@ -65,25 +65,31 @@ def _from_left(n: int, segments: F64) -> I32:
 
 
 @jit
-def crossings(n: int, segments: F64, height: int) -> tuple[I32, I64]:
+def crossings(n: int, segments: F64, weights: I32, height: int) -> tuple[I32, I64]:
     """Crossings of all segments with the sample lines, sorted along each line.
 
-    One integer a crossing, so that sorting moves one number instead of two: x in units of
-    2**-25 px above 24 bits that name the segment and whether it runs upwards.
+    One integer a crossing, so that sorting moves one number instead of three: x in units of
+    2**-25 px, above 22 bits that name the segment and two for the layers gained or lost there.
 
     Returns:
         ``start`` ``(lines + 1,)`` and the crossings; see `_x_of`, `_segment_of`, `_step_of`.
     """
     n_lines = height * LINES
-    start = np.zeros(n_lines + 1, np.int32)
+    # How many segments begin and end on a line tells how many cross it.
+    gained = np.zeros(n_lines + 1, np.int32)
     ranges = np.empty((n, 2), np.int32)
     for s in range(n):
         first, last = _line_range(segments[s, 1], segments[s, 3], n_lines)
         ranges[s, 0], ranges[s, 1] = first, last
-        for line in range(first, last):
-            start[line + 1] += 1
+        if first < last:
+            gained[first] += 1
+            gained[last] -= 1
+    start = np.empty(n_lines + 1, np.int32)
+    start[0] = 0
+    on_line = 0
     for line in range(n_lines):
-        start[line + 1] += start[line]
+        on_line += gained[line]
+        start[line + 1] = start[line] + on_line
     fill = start[:-1].copy()
     found = np.empty(start[n_lines], np.int64)
     for s in _from_left(n, segments):
@@ -94,7 +100,8 @@ def crossings(n: int, segments: F64, height: int) -> tuple[I32, I64]:
         slope = (x1 - x0) / (y1 - y0)
         x = x0 + slope * ((first + 0.5) / LINES - 0.5 - y0)
         slope /= LINES
-        name = np.int64(2 * s + (y1 < y0))
+        loses = (y1 < y0) != (weights[s] < 0)
+        name = np.int64(4 * s + 2 * (abs(weights[s]) > 1) + loses)
         for line in range(first, last):
             # Far outside of any image it does not matter how far.
             key = (np.int64(min(max(x, -_FAR_PX), _FAR_PX) * _UNITS_PER_PX) << 24) | name
@@ -118,18 +125,17 @@ def _x_of(crossing: int) -> float:
 @jit
 def _segment_of(crossing: int) -> int:
     """The segment that crosses."""
-    return (crossing & 0xFFFFFF) >> 1
+    return (crossing & 0xFFFFFF) >> 2
 
 
 @jit
-def _step_of(crossing: int, weights: I32) -> int:
-    """Layers gained when the crossing is passed from left to right."""
-    weight = weights[_segment_of(crossing)]
-    return -weight if crossing & 1 else weight
+def _step_of(crossing: int) -> int:
+    """Layers gained when the crossing is passed from left to right: -2, -1, 1 or 2."""
+    return (1 + ((crossing >> 1) & 1)) * (1 - 2 * (crossing & 1))
 
 
 @jit
-def line_spans(start: I32, found: I64, weights: I32, line: int, width: int, ends: F64) -> int:
+def line_spans(start: I32, found: I64, line: int, width: int, ends: F64) -> int:
     """Write begin and end (pixels, from the image's left edge) of a line's covered spans.
 
     Returns:
@@ -139,7 +145,7 @@ def line_spans(start: I32, found: I64, weights: I32, line: int, width: int, ends
     left = 0.0
     for i in range(start[line], start[line + 1]):
         before = layers
-        layers += _step_of(found[i], weights)
+        layers += _step_of(found[i])
         if before <= 0 and layers > 0:
             left = _x_of(found[i])
         elif before > 0 and layers <= 0:
@@ -152,7 +158,7 @@ def line_spans(start: I32, found: I64, weights: I32, line: int, width: int, ends
 
 
 @jit
-def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
+def fill_coverage(start: I32, found: I64, out: F32) -> None:
     """Add the covered spans of every sample line to ``out`` ``(H, W)``, which must be zero."""
     height, width = out.shape
     one, unit = np.float32(1.0), np.float32(1.0 / LINES)
@@ -168,7 +174,7 @@ def fill_coverage(start: I32, found: I64, weights: I32, out: F32) -> None:
             left = 0.0
             for i in range(start[line], start[line + 1]):
                 before = layers
-                layers += _step_of(found[i], weights)
+                layers += _step_of(found[i])
                 if before <= 0 and layers > 0:
                     left = _x_of(found[i])
                 elif before > 0 and layers <= 0:
@@ -201,7 +207,6 @@ def jacobian_entries(
     found: I64,
     segments: F64,
     ends: F64,
-    weights: I32,
     centre: F64,
     fc: F64,
     model: int,
@@ -216,8 +221,8 @@ def jacobian_entries(
     """What each end of a span that moves adds to d(coverage)/d(delta) of the pixel it lies in.
 
     A line tells nothing of an outline that runs along it. So this is asked twice, with lines along
-    rows and, ``upright``, along columns (``segments`` and crossings with x and y swapped, weights
-    negated because that turns the picture over), and takes only what crosses a line steeply.
+    rows and, ``upright``, along columns (``segments`` and crossings with x and y swapped, their
+    weights negated because that turns the picture over), and takes what crosses a line steeply.
 
     Fills ``pixels`` ``(C,)``, ``y * width + x`` in the picture as it is, and ``rows`` ``(C, 6)``
     with room for every crossing; returns how many there are. A pixel may come up several times.
@@ -231,7 +236,7 @@ def jacobian_entries(
         layers = 0
         for i in range(start[line], start[line + 1]):
             before = layers
-            layers += _step_of(found[i], weights)
+            layers += _step_of(found[i])
             opens = before <= 0 and layers > 0
             closes = before > 0 and layers <= 0
             if not (opens or closes):

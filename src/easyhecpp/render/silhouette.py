@@ -142,17 +142,17 @@ class SilhouetteRenderer:
         seg = self._project(Ts_cam_link)
         coverage, along_rows = self._cover(seg, out)
         swapped = np.ascontiguousarray(seg.segments[: seg.count][:, [1, 0, 3, 2]])
-        along_columns = crossings(seg.count, swapped, self.camera.width)
+        along_columns = crossings(seg.count, swapped, -seg.weights, self.camera.width)
         centre = np.asarray(centre_cam, np.float64)
         height, width = self.camera.height, self.camera.width
         found = []
-        for (start, order), segments, weights, upright in (
-            (along_rows, seg.segments, seg.weights, False),
-            (along_columns, swapped, -seg.weights, True),
+        for (start, order), segments, upright in (
+            (along_rows, seg.segments, False),
+            (along_columns, swapped, True),
         ):
             pixels, rows = np.empty(len(order), np.int64), np.empty((len(order), 6))
             n = jacobian_entries(
-                start, order, segments, seg.ends, weights, centre, self._fc, self._model, self._k,
+                start, order, segments, seg.ends, centre, self._fc, self._model, self._k,
                 self._valid_radius, upright, height, width, pixels, rows,
             )  # fmt: skip
             found.append((pixels[:n], rows[:n]))
@@ -201,7 +201,7 @@ class SilhouetteRenderer:
         for link in range(self.packed.n_links):
             own = np.ascontiguousarray(seg.segments[: seg.count][links == link])
             weights = np.ascontiguousarray(seg.weights[: seg.count][links == link])
-            fill_coverage(*crossings(len(own), own, self.camera.height), weights, out[link])
+            fill_coverage(*crossings(len(own), own, weights, self.camera.height), out[link])
         return out
 
     def visible_links(self, Ts_cam_link: F64) -> NDArray[np.int16]:
@@ -226,25 +226,23 @@ class SilhouetteRenderer:
                 boxes[link] = columns.min(), rows.min(), columns.max(), rows.max()
         return boxes
 
-    def _workspace(self) -> tuple[F64, NDArray[np.int8], NDArray[np.int8]]:
-        if not hasattr(self._local, "points"):
-            self._local.points = np.empty(self.packed.vertices.shape)
-            self._local.stamps = np.empty(len(self.packed.vertices), np.int8)
+    def _workspace(self) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
+        if not hasattr(self._local, "outline"):
+            self._local.outline = np.empty(len(self.packed.edges), np.int32)
             self._local.sides = np.empty(self.packed.planes.shape[1] + 1, np.int8)
             self._local.segments = _Segments.with_room(4096)
-        return self._local.points, self._local.stamps, self._local.sides
+        return self._local.outline, self._local.sides
 
     def _project(self, Ts_cam_link: F64) -> _Segments:
-        points, stamps, sides = self._workspace()
+        outline, sides = self._workspace()
         p = self.packed
         Ts = np.ascontiguousarray(Ts_cam_link, dtype=np.float64)
         while True:
             seg: _Segments = self._local.segments
-            stamps[:] = 0
             count = contour_segments(
                 Ts, p.vertices, p.vertex_start, p.boxes, p.planes, p.faces, p.face_start, p.edges,
                 p.edge_faces, p.edge_start, self._fc, self._model, self._k,
-                self._valid_radius, points, stamps, sides,
+                self._valid_radius, outline, sides,
                 seg.segments, seg.ends, seg.weights, seg.links,
             )  # fmt: skip
             if count <= len(seg.segments):
@@ -257,8 +255,8 @@ class SilhouetteRenderer:
     ) -> tuple[F32, tuple[NDArray[np.int32], NDArray[np.int64]]]:
         if out is None:
             out = np.zeros((self.camera.height, self.camera.width), np.float32)
-        found = crossings(seg.count, seg.segments, self.camera.height)
-        fill_coverage(*found, seg.weights, out)
+        found = crossings(seg.count, seg.segments, seg.weights, self.camera.height)
+        fill_coverage(*found, out)
         return out, found
 
     def _draw_depth(self, Ts_cam_link: F64) -> tuple[F32, NDArray[np.int32]]:
