@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from easyhecpp._parallel import parallel_map
 from easyhecpp.geometry import inverse
 from easyhecpp.segment._plate_kernel import background_plate
-from easyhecpp.segment.pictures import exposure, measured_noise
+from easyhecpp.segment.pictures import equalised, measured_noise
 from easyhecpp.segment.scene import Scene
 
 F32 = NDArray[np.float32]
@@ -31,7 +31,7 @@ class Backgrounds:
         T_mount_cam: ``(4, 4)`` present pose; says where the background is free of the arm.
 
     Attributes:
-        values: ``(V, H, W, 3)`` float32, 0..255, all views in the same exposure.
+        values: ``(V, H, W, 3)`` float32, 0..255, see `equalised`.
         noise: Standard deviation of a channel.
         plates: Per view ``(H, W, 3)``, nan where no view shows the background, and away from the
             contour.
@@ -39,13 +39,8 @@ class Backgrounds:
 
     def __init__(self, scene: Scene, images: Sequence[U8], T_mount_cam: F64) -> None:
         self.scene = scene
-        stack = np.stack(images).astype(np.float32)
-        gain, offset = exposure(stack, gains=True)
-        if not (np.allclose(gain, 1.0, atol=0.004) and np.allclose(offset, 0.0, atol=0.5)):
-            stack *= gain[:, None, None].astype(np.float32)
-            stack += offset[:, None, None].astype(np.float32)
-        self.values: F32 = stack
-        self.noise = measured_noise(stack[:, ::2, ::2])
+        self.values: F32 = equalised(images)
+        self.noise = measured_noise(self.values[:, ::2, ::2])
         self.plates: list[F32] = []
         self.look_behind(T_mount_cam)
 

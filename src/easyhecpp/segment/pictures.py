@@ -1,4 +1,4 @@
-"""The views' pictures, made comparable: Lab, reduced, with each view's exposure taken out."""
+"""The views' pictures, made comparable: each view's exposure and white balance taken out."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _FIT_ROUNDS = 6
+
+_TEXTURE = 10.0
+"""Grey levels (standard deviation) under which a picture's noise would pass for less contrast."""
+
 _SMALLEST_NOISE = 0.6
 """Lab units; compression and demosaicing leave at least this much."""
 
@@ -27,7 +31,7 @@ class Pictures:
     """All pictures of one camera at one size.
 
     Attributes:
-        lab: ``(V, H, W, 3)`` float32, CIE L 0..100, a and b about -127..127, exposure equalised.
+        lab: ``(V, H, W, 3)`` float32, CIE L 0..100, a and b about -127..127; see `equalised`.
         noise: Standard deviation per channel of one picture at a place where nothing changed.
         reduction: How many pixels of the camera one pixel here is wide.
     """
@@ -75,30 +79,43 @@ def load_pictures(images: Sequence[NDArray[np.uint8]], camera: Camera, reduction
                 f"image {i} has the shape {image.shape}",
                 expected=f"({camera.height}, {camera.width}, 3), the size in camera_info",
             )
-    lab = np.stack(parallel_map(lambda i: _to_lab(i, reduction), images))
-    gain, offset = exposure(lab)
-    if not (np.allclose(gain, 1.0, atol=0.01) and np.allclose(offset, 0.0, atol=0.3)):
-        lab = lab * gain[:, None, None].astype(np.float32)
-        lab += offset[:, None, None].astype(np.float32)
+    rgb = equalised(parallel_map(lambda i: _reduced(i, reduction), images))
+    lab = np.stack(parallel_map(_to_lab, rgb))
     return Pictures(lab, measured_noise(lab), reduction)
 
 
-def _to_lab(image: NDArray[np.uint8], reduction: int) -> F32:
-    if reduction > 1:
-        height, width = image.shape[:2]
-        size = (max(1, round(width / reduction)), max(1, round(height / reduction)))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
-    return cv2.cvtColor(image.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB)  # type: ignore[return-value]
+def _reduced(image: NDArray[np.uint8], reduction: int) -> NDArray[np.uint8]:
+    if reduction == 1:
+        return image
+    height, width = image.shape[:2]
+    size = (max(1, round(width / reduction)), max(1, round(height / reduction)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[return-value]
 
 
-def exposure(pictures: F32, *, gains: bool = False) -> tuple[F64, F64]:
+def _to_lab(rgb: F32) -> F32:
+    return cv2.cvtColor(rgb / np.float32(255.0), cv2.COLOR_RGB2LAB)  # type: ignore[return-value]
+
+
+def equalised(images: Sequence[NDArray[np.uint8]]) -> F32:
+    """The pictures ``(V, H, W, 3)`` float32 in one exposure and one white balance, 0..255 or so.
+
+    Cameras change either from picture to picture, by a factor on each of red, green and blue.
+    """
+    stack = np.stack(images).astype(np.float32)
+    gain, offset = exposure(stack)
+    if not (np.allclose(gain, 1.0, atol=0.004) and np.allclose(offset, 0.0, atol=0.5)):
+        stack *= gain[:, None, None].astype(np.float32)
+        stack += offset[:, None, None].astype(np.float32)
+    return stack
+
+
+def exposure(pictures: F32) -> tuple[F64, F64]:
     """Gain ``(V, 3)`` and offset ``(V, 3)`` that bring each view to the views' median.
 
     Fitted robustly to the pixels that did not change, so that the arm has no say.
 
     Args:
-        pictures: ``(V, H, W, 3)``.
-        gains: Whether every channel has a gain; if not only the first (lightness).
+        pictures: ``(V, H, W, 3)`` red, green and blue, 0..255.
     """
     step = max(1, pictures.shape[2] // 80)
     small = pictures[:, ::step, ::step].reshape(len(pictures), -1, 3).astype(np.float64)
@@ -106,13 +123,13 @@ def exposure(pictures: F32, *, gains: bool = False) -> tuple[F64, F64]:
     gain, offset = np.ones((len(pictures), 3)), np.zeros((len(pictures), 3))
     for view, values in enumerate(small):
         for channel in range(3):
-            fitted = _robust_line(values[:, channel], target[:, channel], gains or channel == 0)
+            fitted = _robust_line(values[:, channel], target[:, channel])
             gain[view, channel], offset[view, channel] = fitted
     return gain, offset
 
 
-def _robust_line(x: F64, y: F64, with_gain: bool) -> tuple[float, float]:
-    """Line ``y = a x + b`` through most of the points, ``a`` within 0.7..1.4 (or 1)."""
+def _robust_line(x: F64, y: F64) -> tuple[float, float]:
+    """Line ``y = a x + b`` through most of the points, ``a`` within 0.7..1.4."""
     a, b = 1.0, float(np.median(y - x))
     for _ in range(_FIT_ROUNDS):
         residual = y - a * x - b
@@ -121,7 +138,7 @@ def _robust_line(x: F64, y: F64, with_gain: bool) -> tuple[float, float]:
         total = w.sum()
         mx, my = (w @ x) / total, (w @ y) / total
         spread = w @ np.square(x - mx)
-        if with_gain and spread / total > 4.0:
+        if spread > total * _TEXTURE**2:
             a = float(np.clip((w @ ((x - mx) * (y - my))) / spread, 0.7, 1.4))
         b = float(my - a * mx)
     return a, b
