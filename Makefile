@@ -6,10 +6,6 @@ VENV := .venv
 PY := $(VENV)/bin/python
 INSTALLED := $(VENV)/.installed
 
-# Compiled kernels are kept between runs. numba notices a changed file, but not that a function
-# called from another file has changed, so the folder's name carries the sources of all of them.
-KERNELS := $(shell grep -rlE 'numba|_jit' --include='*.py' src | LC_ALL=C sort)
-export NUMBA_CACHE_DIR := $(CURDIR)/.numba_cache/$(shell cat $(KERNELS) /dev/null | cksum | cut -d' ' -f1)
 # The tests run side by side; each keeps to one thread.
 TEST_ENV := NUMBA_NUM_THREADS=1 OMP_NUM_THREADS=1
 
@@ -66,4 +62,4 @@ bench: $(INSTALLED)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) benchmarks/run.py
 
 clean:
-	rm -rf $(VENV) .numba_cache .pytest_cache .ruff_cache .hypothesis build dist
+	rm -rf $(VENV) src/easyhecpp/__pycache__ .pytest_cache .ruff_cache .hypothesis build dist

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +25,6 @@ from solids import (
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import perturb_about
 from easyhecpp.render import SilhouetteRenderer
-from easyhecpp.render import _jit as jit_module
 from easyhecpp.render.reference import reference_visible_links
 from easyhecpp.render.reference_compiled import reference_coverage_compiled
 from easyhecpp.robot import LinkMesh
@@ -441,74 +436,3 @@ def test_fisheye_sees_what_stands_beside_the_camera() -> None:
     expected = FISHEYE.project(direction)
     assert abs(columns.mean() - expected[0]) < 1.0
     assert abs(rows.mean() - expected[1]) < 1.0
-
-
-class TestCache:
-    """Where compiled code is kept, and that nothing breaks when it cannot be kept."""
-
-    @pytest.fixture
-    def numba_cache(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(jit_module.numba.config, "CACHE_DIR", "")
-        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-
-    def test_beside_the_package_when_that_can_be_written(
-        self, numba_cache: None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(jit_module, "_writable", lambda folder: True)
-        assert jit_module._cache_usable()
-        assert jit_module.numba.config.CACHE_DIR == ""
-
-    def test_under_the_temporary_folder_otherwise(
-        self, numba_cache: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
-        writable = jit_module._writable
-        monkeypatch.setattr(jit_module.tempfile, "gettempdir", lambda: str(tmp_path))
-        monkeypatch.setattr(
-            jit_module, "_writable", lambda folder: tmp_path in folder.parents and writable(folder)
-        )
-        assert jit_module._cache_usable()
-        folder = Path(jit_module.numba.config.CACHE_DIR)
-        assert folder.parent == tmp_path
-        assert folder.stat().st_mode & 0o777 == 0o700
-
-    def test_a_configured_folder_that_cannot_be_written(
-        self, numba_cache: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
-        (tmp_path / "file").write_text("")
-        monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
-        monkeypatch.setattr(jit_module.tempfile, "gettempdir", lambda: str(tmp_path))
-        assert jit_module._cache_usable()
-        assert Path(jit_module.numba.config.CACHE_DIR).parent == tmp_path
-
-    @pytest.mark.skipif(
-        not hasattr(os, "getuid"), reason="files have no owners on this system (Windows)"
-    )
-    def test_never_somebody_elses_folder(
-        self, numba_cache: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
-        monkeypatch.setattr(jit_module.tempfile, "gettempdir", lambda: str(tmp_path))
-        mine = os.getuid()
-        (tmp_path / f"easyhecpp-numba-{mine + 1}").mkdir()
-        monkeypatch.setattr(jit_module.os, "getuid", lambda: mine + 1)
-        assert jit_module._private_temporary_folder() is None
-
-    def test_none_at_all(self, tmp_path: Path) -> None:
-        """No folder can be written: the renderer's kernels still compile and work."""
-        (tmp_path / "file").write_text("")
-        blocked = tmp_path / "file" / "cache"
-        script = (
-            "import tempfile\n"
-            f"tempfile.gettempdir = lambda: {str(blocked)!r}\n"
-            f"tempfile.TemporaryFile = lambda dir: open({str(blocked)!r}, 'w')\n"
-            "from easyhecpp.render import _jit\n"
-            "assert not _jit.CACHE\n"
-            "twice = _jit.jit(lambda x: 2 * x)\n"
-            "print(twice(21))\n"
-        )
-        environment = {**os.environ, "NUMBA_CACHE_DIR": str(blocked)}
-        done = subprocess.run(
-            [sys.executable, "-c", script], capture_output=True, text=True, env=environment,
-            check=False,
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.split() == ["42"]

@@ -1,15 +1,23 @@
 """One place that decides how numba compiles: cached on disk where that is possible, never failing.
 
+numba notices that a function's own file has changed, not that a function which it calls from
+another file has: it would go on running the old machine code of that. So compiled code is kept in a
+folder that is named by the sources of all of it.
+
 numba raises at import time when no folder for its cache can be written (read-only site-packages
-and no writable home, as in many containers). We then point it to a private folder under the
-system's temporary directory, and only when that fails too do without a cache.
+and no writable home, as in many containers). We then take a private folder under the system's
+temporary directory, and only when that fails too do without a cache.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import shutil
 import tempfile
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +25,44 @@ import numba
 from numba.core import config as numba_config
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+# Named, not searched for: opening every file of the package would take longer at each start than
+# all else that is done here. A test compares the list with what the files import.
+KERNEL_FILES = (
+    "explore/_covariance_kernel.py",
+    "explore/_spread_kernel.py",
+    "initialise/_seed_kernel.py",
+    "render/_contour_kernel.py",
+    "render/_depth_kernel.py",
+    "render/_jit.py",
+    "render/_project.py",
+    "render/_raster_kernel.py",
+    "render/reference.py",
+    "render/reference_compiled.py",
+    "segment/_edge_kernel.py",
+    "segment/_plate_kernel.py",
+    "segment/_rim_kernel.py",
+    "segment/classical/lines.py",
+    "segment/classical/plate.py",
+    "segment/classical/search.py",
+    "sim/denoise.py",
+    "sim/lens.py",
+)
+"""Files of the package that hold compiled code, or constants that it uses."""
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_PREFIX = "easyhecpp-kernels-"
+_UNUSED_DAYS = 30
+
+
+def source_digest(package: Path) -> str:
+    """Sixteen hexadecimal digits that change with any of the kernels' sources."""
+    found = hashlib.sha256()
+    for name in KERNEL_FILES:
+        found.update(name.encode())
+        with suppress(OSError):
+            found.update((package / name).read_bytes())
+    return found.hexdigest()[:16]
 
 
 def _writable(folder: Path) -> bool:
@@ -43,23 +89,51 @@ def _private_temporary_folder() -> Path | None:
     return folder
 
 
-def _cache_usable() -> bool:
-    """True when numba can keep compiled code on disk; redirects its cache when it must."""
-    configured = os.environ.get("NUMBA_CACHE_DIR")
-    if configured and _writable(Path(configured)):
-        return True
-    if not configured and _writable(Path(__file__).parent / "__pycache__"):
-        return True
-    fallback = _private_temporary_folder()
-    if fallback is None:
+def _cache_folder() -> Path | None:
+    """The folder for compiled code: the configured one, else beside the package, else temporary."""
+    name = _PREFIX + source_digest(_PACKAGE)
+    configured = numba_config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
+    folder = Path(configured or _PACKAGE / "__pycache__") / name
+    if not _opened(folder):
+        fallback = _private_temporary_folder()
+        if fallback is None or not _opened(fallback / name):
+            return None
+        folder = fallback / name
+    return folder
+
+
+def _opened(folder: Path) -> bool:
+    """True when the folder can be written; a new one takes the place of those long unused."""
+    new = not folder.is_dir()
+    if not _writable(folder):
         return False
-    numba_config.CACHE_DIR = str(fallback)  # pyright: ignore[reportAttributeAccessIssue]
+    with suppress(OSError):
+        os.utime(folder)  # its age is the time since it was last used
+    if new:
+        _remove_unused(folder.parent)
     return True
 
 
-CACHE = _cache_usable()
+def _remove_unused(parent: Path) -> None:
+    oldest = time.time() - _UNUSED_DAYS * 86400
+    for folder in parent.glob(_PREFIX + "?" * 16):
+        with suppress(OSError):
+            if folder.stat().st_mtime < oldest:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+CACHE = _cache_folder()
 
 
 def jit(function: F) -> F:
-    """Compile ``function`` with numba: releases the GIL, is cached where a cache can be kept."""
-    return numba.njit(cache=CACHE, nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    """Compile ``function`` with numba: releases the GIL, is cached where a cache can be kept.
+
+    The file that it stands in belongs into `KERNEL_FILES`.
+    """
+    before = numba_config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]
+    # numba asks for the folder while it decorates; other packages' functions keep their own.
+    numba_config.CACHE_DIR = str(CACHE or before)  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        return numba.njit(cache=CACHE is not None, nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    finally:
+        numba_config.CACHE_DIR = before  # pyright: ignore[reportAttributeAccessIssue]
