@@ -109,3 +109,12 @@ class CaptureFolder:
             pixels = pixels[..., [2, 1, 0, 3]]
         assert cv2.imwrite(str(path), np.ascontiguousarray(pixels))
         return path
+
+    def damage(self, name: str) -> Path:
+        """Change bytes amid the pixels of a picture; size and header stay as they are."""
+        path = self.root / name
+        data = bytearray(path.read_bytes())
+        middle = len(data) // 2
+        data[middle : middle + 20] = bytes(20)
+        path.write_bytes(data)
+        return path

@@ -159,6 +159,28 @@ def test_no_folder_is_left_when_the_work_fails(
     assert kept.is_dir()  # it was there before
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_damaged_pictures_are_named_before_anything_is_written(
+    folder: CaptureFolder, run: Run, tmp_path: Path
+) -> None:
+    for view in ("0001", "0002"):
+        folder.damage(f"images/{view}.png")
+    earlier = tmp_path / "earlier"
+    (earlier / "overlays").mkdir(parents=True)
+    for name in ("result.json", "report.html", "overlays/0000.jpg"):
+        (earlier / name).write_text("of an earlier run")
+    before = contents(earlier)
+    for options in (["--no-edges"], [], ["--segmenter", "classical"]):
+        assert_one_error(
+            *run("calibrate", folder.root, "--quiet", *options, "--out", earlier),
+            "2 problems", "truncated or damaged", "0001.png", "0002.png", "record it again",
+        )  # fmt: skip
+        assert contents(earlier) == before
+
+
 def test_no_mask_shows_the_arm(folder: CaptureFolder, run: Run) -> None:
     """All views without the arm: their masks are deleted, as the text for empty masks says."""
     for path in (folder.root / "masks").iterdir():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.capture import Capture
+from easyhecpp.capture.decode import check_decodable
 from easyhecpp.formats.result_blocks import RefinedParameter, RobotBlock, ViewResult
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
@@ -108,6 +109,8 @@ def calibrate(
         with stages.stage("load", "reading the capture"):
             capture = Capture.load(capture)
     read_priors(config.refine, capture.robot.joint_names)  # misspelt: say it before any work
+    with stages.stage("pictures", "reading the pictures"):
+        check_decodable(capture)
     with stages.stage("masks", "choosing where masks come from"):
         chosen = choose_source(
             config.segmenter,

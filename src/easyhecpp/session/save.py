@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.report.html import write_report
 from easyhecpp.report.overlay import write_overlays
 from easyhecpp.session.calibration import Calibration, robot_block
+
+RESULT, REPORT, OVERLAYS, MASKS = "result.json", "report.html", "overlays", "masks"
 
 
 @contextmanager
@@ -50,30 +54,78 @@ def _make(folder: Path) -> None:
         ) from error
 
 
+@contextmanager
+def _staged(folder: Path) -> Iterator[Path]:
+    """A folder to write into; what is in it moves to ``folder`` when all is written.
+
+    Overlays of an earlier run go then, and its ``result.json`` before anything else does: where
+    that file stands, it and all beside it come from one run.
+
+    Raises:
+        InputError: Something is in the way of a file or folder, or cannot be changed.
+    """
+    _make(folder)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".new-") as name:
+        stage = Path(name)
+        yield stage
+        written = [path.relative_to(stage) for path in stage.rglob("*") if path.is_file()]
+        _check_places(folder, written)
+        try:
+            _move(stage, folder, written)
+        except OSError as error:
+            raise InputError(
+                f"The results cannot be written: {error.strerror or error}",
+                where=error.filename or folder,
+                fix="choose another folder with --out",
+            ) from error
+
+
+def _move(stage: Path, folder: Path, written: Iterable[Path]) -> None:
+    files = sorted(written, key=lambda path: path.name == RESULT)
+    if Path(RESULT) in files:
+        (folder / RESULT).unlink(missing_ok=True)
+    for old in (folder / OVERLAYS).glob("*.jpg"):
+        old.unlink()
+    for path in files:
+        target = folder / path
+        target.parent.mkdir(exist_ok=True)
+        shutil.move(stage / path, os.path.realpath(target))
+
+
+def _check_places(folder: Path, written: Iterable[Path]) -> None:
+    for path in written:
+        if (folder / path).is_dir():
+            raise InputError("Cannot write a file over a folder", where=folder / path)
+        if (folder / path).parent.is_file():
+            raise InputError("Cannot make a folder in the place of a file", where=folder / path)
+
+
 def save(found: Calibration, folder: Path) -> None:
     """Write overlays, the report and, last, ``result.json``: where it stands, everything does.
 
     Raises:
-        InputError: A file cannot be written.
+        InputError: A file cannot be written; what an earlier run left is then unchanged.
     """
-    write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
-    write_report(folder / "report.html", found.result, found.capture, found.estimate, found.masks)
-    found.result.write(folder / "result.json")
+    with _staged(folder) as stage:
+        write_overlays(stage / OVERLAYS, found.capture, found.T_mount_cam, masks=found.masks)
+        write_report(stage / REPORT, found.result, found.capture, found.estimate, found.masks)
+        found.result.write(stage / RESULT)
 
 
 def save_masks(found: Calibration, folder: Path) -> list[Path]:
     """Write the masks as ``masks/<view>.png``, and overlays to judge them by.
 
+    Masks of other views that are there already stay: they may be somebody's work.
+
     Raises:
-        InputError: A file cannot be written.
+        InputError: A file cannot be written; what an earlier run left is then unchanged.
     """
-    written = []
-    for view, mask in found.masks.items():
-        path = folder / "masks" / f"{view}.png"
-        write_image(path, np.asarray(mask, np.float32) > 0.5)
-        written.append(path)
-    write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
-    return written
+    names = [Path(MASKS) / f"{view}.png" for view in found.masks]
+    with _staged(folder) as stage:
+        for name, mask in zip(names, found.masks.values(), strict=True):
+            write_image(stage / name, np.asarray(mask, np.float32) > 0.5)
+        write_overlays(stage / OVERLAYS, found.capture, found.T_mount_cam, masks=found.masks)
+    return [folder / name for name in names]
 
 
 def save_failure(
@@ -82,7 +134,7 @@ def save_failure(
     """Write the report and the result of a calibration that came to no pose.
 
     Raises:
-        InputError: A file cannot be written.
+        InputError: A file cannot be written; what an earlier run left is then unchanged.
     """
     result = ResultFile.build(
         setup=capture.setup,
@@ -94,5 +146,6 @@ def save_failure(
         segmenter=segmenter,
         command=command,
     )
-    write_report(folder / "report.html", result, capture)
-    result.write(folder / "result.json")
+    with _staged(folder) as stage:
+        write_report(stage / REPORT, result, capture)
+        result.write(stage / RESULT)

@@ -27,6 +27,7 @@ class Overlay:
     def run(self, command_line: str) -> int:
         """Draw every view that has a picture."""
         from easyhecpp.capture import Capture
+        from easyhecpp.capture.decode import check_decodable
         from easyhecpp.formats.result_file import ResultFile
         from easyhecpp.report.overlay import write_overlays
 
@@ -36,6 +37,7 @@ class Overlay:
                 "The result holds no pose", where=self.result, expected="one that did not fail"
             )
         capture = Capture.load(self.capture)
+        check_decodable(capture)
         written = write_overlays(self.out, capture, result.T_mount_cam.array)
         say(f"{len(written)} pictures written to {self.out}/")
         return 0
