@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -123,14 +124,20 @@ POST = """<robot name="post"><link name="base"><visual><origin xyz="0 0 0.3"/>
     <limit lower="0" upper="0.3" effort="1" velocity="1"/></joint></robot>"""
 
 
-def test_the_margin_of_a_symmetric_robot_is_small(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("grid", "distance", "focal"), [("sphere", 1.6, 300.0), ("paper", 1.1, 230.0)]
+)
+def test_the_margin_of_a_symmetric_robot_is_small(
+    grid: Literal["sphere", "paper"], distance: float, focal: float, tmp_path: Path
+) -> None:
     """A square post looks the same from four sides: no mask can tell which."""
     (tmp_path / "post.urdf").write_text(POST)
     robot = Robot.from_urdf(tmp_path / "post.urdf")
-    camera = Camera(320, 240, 300.0, 300.0, 159.5, 119.5)
-    T = look_at((1.5, 0.4, 0.9), (0, 0, 0.4))
+    camera = Camera(320, 240, focal, focal, 159.5, 119.5)
+    eye = np.array([0.0, 0.0, 0.4]) + distance * np.array([0.92, 0.25, 0.31])
+    T = look_at(eye, (0, 0, 0.4))
     view = SimScene(robot, camera, T, np.array([[0.0], [0.15], [0.3]]))
-    found = find(view)
+    found = find(view, SamplingConfig(grid=grid))
     assert found.margin < 0.02
     turns = [
         np.degrees(rotation_angle(T[:3, :3] @ other[:3, :3].T))

@@ -57,8 +57,10 @@ class InitialPose:
     Attributes:
         T_mount_cam: ``(4, 4)`` camera in the mount.
         score: Mean IoU of rendered and observed masks, in [0, 1].
-        candidates: All refined poses, one per basin, best first, with their scores.
-        margin: Score of the best basin minus that of the second; 1 when there is no other.
+        candidates: All refined poses, one per basin, best first, with their scores; on the paper's
+            grid its own choice first.
+        margin: Score of the first candidate minus that of the second, not below 0; 1 when there is
+            no other.
         timings_s: Seconds per stage.
     """
 
@@ -103,26 +105,38 @@ def sample_initial_pose(
     clock = time.perf_counter()
     seeds = _seeds(rig, problem, config, rng)
     if config.grid == "paper":
-        shortlist = _SeedScorer(problem, len(problem)).rank(seeds, rounds=0)[:1]
+        shortlist = _SeedScorer(problem, len(problem)).rank(seeds, rounds=0)
     else:
         first = _SeedScorer(problem, _SEED_VIEWS).rank(seeds, rounds=3)
         again = np.stack([T for T, _ in first[:_SHORTLIST]])
         shortlist = _SeedScorer(problem, _SHORTLIST_VIEWS).rank(again, rounds=2)
     timings["seeds"] = time.perf_counter() - clock
     clock = time.perf_counter()
-    reduction = _seed_reduction(camera)
-    refined = _refine(problem, shortlist[:_REFINED], reduction, 40.0)
-    refined = _refine(problem, refined[:_REFINED], reduction, 12.0)
-    finalists = _refine(problem, refined[:_FINALISTS], max(1, reduction // 2), 6.0)
-    basins = _distinct(finalists + refined[_FINALISTS:])
+    basins = _basins(problem, shortlist)
+    if config.grid == "paper":
+        # The paper's answer is the grid's best pose, whatever becomes of the others; those tell
+        # how sure it is.
+        (chosen,) = _basins(problem, shortlist[:1])
+        basins = [chosen, *(b for b in basins if not _same_basin(chosen[0], b[0]))]
     timings["refine"] = time.perf_counter() - clock
     return InitialPose(
         T_mount_cam=basins[0][0],
         score=basins[0][1],
         candidates=tuple(basins),
-        margin=basins[0][1] - basins[1][1] if len(basins) > 1 else 1.0,
+        margin=max(0.0, basins[0][1] - basins[1][1]) if len(basins) > 1 else 1.0,
         timings_s=timings,
     )
+
+
+def _basins(
+    problem: PoseProblem, shortlist: Sequence[tuple[F64, float]]
+) -> list[tuple[F64, float]]:
+    """The best seeds refined, the best of these on larger images; one per basin, best first."""
+    reduction = _seed_reduction(problem.camera)
+    refined = _refine(problem, shortlist[:_REFINED], reduction, 40.0)
+    refined = _refine(problem, refined[:_REFINED], reduction, 12.0)
+    finalists = _refine(problem, refined[:_FINALISTS], max(1, reduction // 2), 6.0)
+    return _distinct(finalists + refined[_FINALISTS:])
 
 
 def _seed_reduction(camera: Camera) -> int:
