@@ -7,13 +7,17 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from capture_folder import CaptureFolder
+from capture_folder import HEIGHT, WIDTH, CaptureFolder
 from test_capture_bad_input import CASES
 
 from easyhecpp.cli import main
+from easyhecpp.segment.protocols import CaptureMasks, ViewMask
+from easyhecpp.session import calibration as calibration_module
+from easyhecpp.session.masks import ChosenSource
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -181,11 +185,39 @@ def test_damaged_pictures_are_named_before_anything_is_written(
         assert contents(earlier) == before
 
 
-def test_no_mask_shows_the_arm(folder: CaptureFolder, run: Run) -> None:
-    """All views without the arm: their masks are deleted, as the text for empty masks says."""
+def test_no_masks(folder: CaptureFolder, run: Run) -> None:
+    """Empty masks deleted, as the text for them says: of all views."""
     for path in (folder.root / "masks").iterdir():
         path.unlink()
     assert_one_error(*run("calibrate", folder.root, "--segmenter", "given", "--quiet"), "masks")
+
+
+def test_empty_masks(folder: CaptureFolder, run: Run) -> None:
+    for view in folder.views:
+        folder.image(f"{view}.png", np.zeros((HEIGHT, WIDTH), np.uint8), folder="masks")
+    for segmenter in ("given", "auto"):
+        assert_one_error(
+            *run("calibrate", folder.root, "--segmenter", segmenter, "--quiet"),
+            "3 problems", "The mask of view '0000' is empty", "view '0002' is empty",
+            "white where the arm is", "Delete the file",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("mask", [np.zeros((HEIGHT, WIDTH), bool), None], ids=["empty", "none"])
+@pytest.mark.parametrize("grid", ["sphere", "paper"])
+def test_a_segmenter_that_finds_the_arm_nowhere(
+    mask: np.ndarray | None, grid: str, folder: CaptureFolder, run: Run,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """The arm stands outside of all pictures."""
+    masks = CaptureMasks(tuple(ViewMask(view, mask) for view in folder.views))
+    source = SimpleNamespace(name="sam3", masks=lambda capture, belief: masks)
+    chosen = ChosenSource(source, "sam3", "asked for", refines=True)
+    monkeypatch.setattr(calibration_module, "choose_source", lambda *_, **__: chosen)
+    assert_one_error(
+        *run("calibrate", folder.root, "--quiet", "--first-pose", grid),
+        "arm cannot be seen in any view", "at least some pixels of the arm", "check the masks",
+    )  # fmt: skip
 
 
 def test_unknown_segmenter(folder: CaptureFolder, run: Run) -> None:
