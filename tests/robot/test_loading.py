@@ -259,22 +259,38 @@ def test_real_captures(shared: Path) -> None:
 
 
 def test_files_that_cannot_be_read(
-    write_urdf: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    write_urdf: Write, tmp_path: Path, lock: Callable[[Path], None]
 ) -> None:
     write_box(tmp_path / "box.stl")
     path = write_urdf(link("a", mesh_geometry("box.stl")))
-    read_bytes = Path.read_bytes
-
-    def refuse(suffix: str) -> None:
-        def read(file: Path) -> bytes:
-            if file.suffix == suffix:
-                raise PermissionError(13, "Permission denied", str(file))
-            return read_bytes(file)
-
-        monkeypatch.setattr(Path, "read_bytes", read)
-
-    refuse(".stl")
+    lock(tmp_path / "box.stl")
     assert "mesh cannot be read" in message(path)
     assert "box.stl" in message(path)
-    refuse(".urdf")
-    assert "robot description cannot be read" in message(path)
+    for name in ("robot.urdf", "robot.xacro"):
+        (tmp_path / name).touch()
+        lock(tmp_path / name)
+        text = message(tmp_path / name)
+        assert "robot description cannot be read: Permission denied" in text
+        assert name in text
+
+
+def test_folders_of_meshes_that_cannot_be_looked_into(
+    write_urdf: Write, tmp_path: Path, lock: Callable[[Path], None]
+) -> None:
+    write_box(tmp_path / "closed" / "box.stl")
+    lock(tmp_path / "closed")
+    path = write_urdf(link("a", mesh_geometry("closed/box.stl")))
+    assert f"looked for at {tmp_path / 'closed' / 'box.stl'} (Permission denied)" in message(path)
+    packaged = write_urdf(link("a", mesh_geometry("package://arm/box.stl")))
+    write_box(tmp_path / "arm" / "box.stl")
+    assert Robot.from_urdf(packaged, package_dirs=[tmp_path / "closed"]).n_faces == 12
+
+
+def test_names_that_no_file_can_have(write_urdf: Write) -> None:
+    long = write_urdf(link("a", mesh_geometry("x" * 300 + ".stl")))
+    assert "x.stl (File name too long)" in message(long)
+    zero = write_urdf(link("a", mesh_geometry("a%00b.stl")))
+    assert "(embedded null byte)" in message(zero)
+    unknown = "The home folder in '~no-such-user/ws' is not known (package_dirs)"
+    assert unknown in message(zero, package_dirs=["~no-such-user/ws"])
+    assert "'~no-such-user/r.urdf' is not known" in message(Path("~no-such-user/r.urdf"))

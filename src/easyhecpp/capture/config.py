@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import yaml
 
+from easyhecpp._paths import expanded, reason
 from easyhecpp.capture._text import did_you_mean, listing
 from easyhecpp.errors import InputError
 from easyhecpp.rig import SETUPS, Setup, check_setup
@@ -58,7 +59,8 @@ class CaptureConfig:
 
     def package_paths(self, root: Path) -> tuple[Path, ...]:
         """The package folders as paths."""
-        return tuple(root / Path(folder).expanduser() for folder in self.package_dirs)
+        where = f"{root / CONFIG_NAME}, package_dirs"
+        return tuple(root / expanded(folder, where) for folder in self.package_dirs)
 
 
 def read_config(root: Path) -> CaptureConfig:
@@ -68,8 +70,6 @@ def read_config(root: Path) -> CaptureConfig:
         InputError: The file cannot be read, has an unknown key, or a value of the wrong kind.
     """
     path = root / CONFIG_NAME
-    if not path.is_file():
-        return CaptureConfig()
     content = _load_yaml(path)
     if content is None:
         return CaptureConfig()
@@ -109,11 +109,15 @@ def _valid_keys() -> str:
 def _load_yaml(path: Path) -> Any:
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
-            f"capture.yaml cannot be read: {error}", where=str(path), fix="check the file"
+            f"capture.yaml cannot be read: {reason(error)}",
+            where=str(path),
+            fix="Make it a text file that you may read, or delete it to use the defaults",
         ) from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none, among others
         raise InputError(
             f"capture.yaml is not valid YAML: {' '.join(str(error).split())}",
             where=str(path),
@@ -146,13 +150,17 @@ def _wrong(value: object, key: str, path: Path, expected: str) -> InputError:
 
 
 def _text(value: object, key: str, path: Path) -> str:
-    if not isinstance(value, str) or not value.strip():
+    if not _is_text(value):
         raise _wrong(value, key, path, "a text")
-    return value
+    return str(value)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and bool(value.strip()) and "\0" not in value
 
 
 def _texts(value: object, key: str, path: Path) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, str) and item for item in value):
+    if not isinstance(value, list) or not all(_is_text(item) for item in value):
         raise _wrong(value, key, path, "a list of texts such as [a, b]")
     return tuple(value)
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from easyhecpp.errors import InputError
+from easyhecpp.robot.description import read_description
 from easyhecpp.robot.kinematics import build_tree
 from easyhecpp.robot.link_shapes import load_meshes
-from easyhecpp.robot.resolve import FileFinder
+from easyhecpp.robot.resolve import FileFinder, told
 from easyhecpp.robot.robot import Robot, check_links
 from easyhecpp.robot.urdf import Shape, Urdf, parse_urdf
 
@@ -32,8 +33,8 @@ def load_robot(
         raise InputError(
             f"Unknown geometry '{geometry}'", expected=f"one of {', '.join(GEOMETRIES)}"
         )
+    urdf = parse_urdf(read_description(path, package_dirs), path)
     finder = FileFinder(path, package_dirs)
-    urdf = parse_urdf(_read_description(path, package_dirs), path)
     check_links(ignored, tuple(urdf.links), "ignore_links")
     if base_link is not None:
         check_links([base_link], tuple(urdf.links), "base_link")
@@ -84,21 +85,6 @@ def default_base(urdf: Urdf) -> str:
     return urdf.root
 
 
-def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> bytes:
-    if not path.is_file():
-        raise InputError(
-            "The robot description does not exist", where=path, expected="a .urdf or .xacro"
-        )
-    if path.suffix == ".xacro":
-        from easyhecpp.robot.xacro import expand_xacro
-
-        return expand_xacro(path, package_dirs)
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"The robot description cannot be read: {error}", where=path) from error
-
-
 def _find_files(
     shapes: dict[str, tuple[Shape, ...]], finder: FileFinder, urdf: Urdf, geometry: str, path: Path
 ) -> dict[str, Path]:
@@ -117,7 +103,7 @@ def _find_files(
                 files[name] = found
     if missing:
         lines = [
-            f"'{name}' of link '{link}', looked for at " + ", ".join(map(str, tried))
+            f"'{name}' of link '{link}', looked for at {told(tried)}"
             if tried
             else f"'{name}' of link '{link}', whose scheme is not package:// or file://"
             for name, (link, tried) in missing.items()

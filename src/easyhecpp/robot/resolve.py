@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from urllib.parse import unquote
 
+from easyhecpp._paths import expanded, is_file, obstacle
+
 
 class FileFinder:
     """Resolves `package://`, `file://` and relative names as seen from one URDF.
@@ -25,7 +27,7 @@ class FileFinder:
         self, urdf_path: Path, package_dirs: Sequence[str | os.PathLike[str]] = ()
     ) -> None:
         self._folder = urdf_path.resolve().parent
-        self._places = [Path(p).expanduser() for p in package_dirs]
+        self._places = [expanded(p, "package_dirs") for p in package_dirs]
         self._places += [Path(p) for p in _path_list("ROS_PACKAGE_PATH")]
         self._places += [Path(p) / "share" for p in _path_list("AMENT_PREFIX_PATH")]
         self._places += [self._folder, *self._folder.parents]
@@ -36,7 +38,7 @@ class FileFinder:
         for candidate in self._candidates(name):
             if candidate not in tried:
                 tried.append(candidate)
-                if candidate.is_file():
+                if is_file(candidate):
                     return candidate, tried
         return None, tried
 
@@ -59,6 +61,15 @@ class FileFinder:
             package, _, inside = unquote(rest).partition("/")
             for folder in self.find_package(package):
                 yield folder / inside
+
+
+def told(places: Sequence[Path]) -> str:
+    """Places that were looked at, for an error text, with what kept one from looking."""
+    obstacles = [obstacle(place) for place in places]
+    return ", ".join(
+        str(place) if why is None else f"{place} ({why})"
+        for place, why in zip(places, obstacles, strict=True)
+    )
 
 
 def _path_list(variable: str) -> list[str]:

@@ -7,11 +7,11 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from easyhecpp import geometry as se3
+from easyhecpp._paths import expanded
 from easyhecpp.errors import InputError
 from easyhecpp.robot.kinematics import KinematicTree
 from easyhecpp.robot.link_mesh import LinkMesh
@@ -77,7 +77,7 @@ class Robot:
         from easyhecpp.robot.loading import load_robot
 
         return load_robot(
-            Path(path).expanduser(),
+            expanded(path),
             package_dirs=package_dirs,
             base_link=base_link,
             ignore_links=ignore_links,

@@ -9,14 +9,17 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from easyhecpp._paths import is_folder
 from easyhecpp.errors import InputError
-from easyhecpp.robot.resolve import FileFinder
+from easyhecpp.robot.resolve import FileFinder, told
 from easyhecpp.robot.safe_xml import refuse_dtd
 
 _BY_HAND = "Expand it by hand (xacro FILE name:=value > robot.urdf) and give the URDF"
 
 
-def expand_xacro(path: Path, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> bytes:
+def expand_xacro(
+    data: bytes, path: Path, package_dirs: Sequence[str | os.PathLike[str]] = ()
+) -> bytes:
     """Expand a xacro file with the default values of its arguments.
 
     Packages in `$(find ...)` are looked for as `FileFinder` does.
@@ -27,11 +30,10 @@ def expand_xacro(path: Path, package_dirs: Sequence[str | os.PathLike[str]] = ()
     Raises:
         InputError: bad XML, a missing package, include or argument.
     """
-    text = path.read_bytes()
-    refuse_dtd(text, path)
+    refuse_dtd(data, path)
     finder = FileFinder(path, package_dirs)
     packages: dict[str, Path] = {}
-    for name in re.findall(r"\$\(find\s+([\w.-]+)\s*\)", text.decode("utf-8", "replace")):
+    for name in re.findall(r"\$\(find\s+([\w.-]+)\s*\)", data.decode("utf-8", "replace")):
         packages.setdefault(name, _find_package(name, finder, path))
     while True:
         urdf, unknown = _expand(path, packages)
@@ -66,11 +68,11 @@ def _expand(path: Path, packages: dict[str, Path]) -> tuple[bytes, str | None]:
 def _find_package(name: str, finder: FileFinder, path: Path) -> Path:
     tried = list(dict.fromkeys(finder.find_package(name)))
     for folder in tried:
-        if folder.is_dir():
+        if is_folder(folder):
             return folder
     raise InputError(
         f"The package '{name}', which the xacro file needs, was not found; looked for at "
-        + ", ".join(map(str, tried)),
+        + told(tried),
         where=path,
         fix="Give the folder that holds it (package_dirs, or ROS_PACKAGE_PATH)",
     )
