@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,9 @@ def load_robot(
     shapes = {name: s for name, s in shapes.items() if s}
     if not shapes:
         raise _no_geometry(urdf, ignored, geometry, path)
+    for shape in chain.from_iterable(shapes.values()):
+        if shape.problem is not None:
+            raise shape.problem
     files = _find_files(shapes, finder, urdf, geometry, path)
     meshes = load_meshes(shapes, files)
 
