@@ -308,6 +308,10 @@ CASES = {
         lambda f: [(f.root / "joints.csv").unlink(), (f.root / "joints.csv").mkdir()],
         ["table of joints cannot be read: Is a directory", "joints.csv"],
     ),
+    "unknown geometry": (
+        lambda f: f.config(geometry="contact"),
+        ["'geometry' in capture.yaml is 'contact'", "visual or collision"],
+    ),
     "unknown base link": (lambda f: f.config(base_link="bse"), ["'bse'", "base"]),
     "unknown ignored link": (lambda f: f.config(ignore_links=["fingr"]), ["'fingr'", "finger"]),
 }

@@ -184,8 +184,15 @@ def test_collision_meshes_are_offered_when_they_are_there(
         f"<collision><geometry>{mesh_geometry('simple.stl')}</geometry></collision></link>",
     )
     path = write_urdf(shapes)
-    assert "geometry='collision' would use them" in message(path)
-    assert Robot.from_urdf(path, geometry="collision").n_faces == 12
+    text = message(path)
+    assert "draw the collision geometry, whose meshes are all there (geometry: collision)" in text
+    assert "key of capture.yaml and an option of 'easyhecpp info'" in text
+    assert "package_dirs" not in text
+    robot = Robot.from_urdf(path, geometry="collision")
+    assert robot.n_faces == 12
+    assert "drawn by its collision geometry" in robot.notes[0]
+    broken = shapes.replace("</link>", "<collision/></link>")
+    assert "geometry: collision" not in message(write_urdf(broken))
 
 
 def test_links_without_the_wanted_geometry_are_told(write_urdf: Write) -> None:
@@ -197,9 +204,8 @@ def test_links_without_the_wanted_geometry_are_told(write_urdf: Write) -> None:
     assert robot.notes[0].endswith("b.")
     assert Robot.from_urdf(write_urdf(body), ignore_links=["b"]).notes == ()
     only = f'<link name="a">{collision}</link>'
-    assert (
-        "it has collision geometry: use geometry='collision'" in message(write_urdf(only)).lower()
-    )
+    text = message(write_urdf(only))
+    assert "It has collision geometry to draw (geometry: collision)" in text
     assert "No link has visual geometry" in message(write_urdf('<link name="a"/>'))
 
 

@@ -14,6 +14,7 @@ from easyhecpp._paths import expanded, reason
 from easyhecpp.capture._text import did_you_mean, listing
 from easyhecpp.errors import InputError
 from easyhecpp.rig import SETUPS, Setup, check_setup
+from easyhecpp.robot.urdf import GEOMETRIES, Geometry
 
 CONFIG_NAME = "capture.yaml"
 
@@ -32,6 +33,8 @@ class CaptureConfig:
         base_link: First link of the robot; None takes the first one with geometry.
         ee_link: Link that an eye-in-hand camera rides on.
         ignore_links: Links whose geometry is not drawn.
+        geometry: Which geometry of the links is drawn: `visual`, or `collision` where the visual
+            meshes are not at hand.
         package_dirs: Folders that hold the packages of `package://` addresses.
         camera_info: File with the intrinsics.
         joints: Table of joint positions.
@@ -48,6 +51,7 @@ class CaptureConfig:
     base_link: str | None = None
     ee_link: str | None = None
     ignore_links: tuple[str, ...] = ()
+    geometry: Geometry = "visual"
     package_dirs: tuple[str, ...] = ()
     camera_info: str = "camera_info.yaml"
     joints: str = "joints.csv"
@@ -172,12 +176,13 @@ def _setup(value: object, key: str, path: Path) -> Setup:
         raise _wrong(value, key, path, f"one of {listing(SETUPS)}") from error
 
 
-def _units(value: object, key: str, path: Path) -> JointUnits:
-    if value == "rad":
-        return "rad"
-    if value == "deg":
-        return "deg"
-    raise _wrong(value, key, path, "rad or deg")
+def _one_of(*known: str) -> Callable[[object, str, Path], str]:
+    def check(value: object, key: str, path: Path) -> str:
+        if value not in known:
+            raise _wrong(value, key, path, " or ".join(known))
+        return str(value)
+
+    return check
 
 
 def _numbers(value: object, key: str, path: Path) -> dict[str, float]:
@@ -201,10 +206,11 @@ _CHECKS: dict[str, Callable[[object, str, Path], Any]] = {
     "base_link": _text,
     "ee_link": _text,
     "ignore_links": _texts,
+    "geometry": _one_of(*GEOMETRIES),
     "package_dirs": _texts,
     "camera_info": _text,
     "joints": _text,
-    "joint_units": _units,
+    "joint_units": _one_of("rad", "deg"),
     "default_joints": _numbers,
     "images": _text,
     "masks": _text,

@@ -124,6 +124,7 @@ def _read_robot(root: Path, config: CaptureConfig, findings: Findings) -> Robot 
             package_dirs=config.package_paths(root),
             base_link=config.base_link,
             ignore_links=config.ignore_links,
+            geometry=config.geometry,
         )
         for note in robot.notes:
             findings.note(note, where=config.robot)

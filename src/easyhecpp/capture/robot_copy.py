@@ -13,6 +13,7 @@ from easyhecpp.errors import InputError
 from easyhecpp.robot.description import read_description
 from easyhecpp.robot.resolve import FileFinder, told
 from easyhecpp.robot.safe_xml import parse_xml
+from easyhecpp.robot.urdf import GEOMETRIES, Geometry
 
 
 def copy_robot(
@@ -20,6 +21,7 @@ def copy_robot(
     target: Path,
     package_dirs: Sequence[Path] = (),
     ignore_links: Sequence[str] = (),
+    geometry: Geometry = "visual",
 ) -> None:
     """Copy a URDF (or what a xacro expands to) with the meshes it names.
 
@@ -27,8 +29,8 @@ def copy_robot(
         source: `.urdf` or `.xacro` file.
         target: The new `.urdf`; meshes go into `meshes/` beside it.
         package_dirs: Where its `package://` names are looked for first.
-        ignore_links: Links that are not drawn. Their meshes may be missing, as may those for
-            contact (`collision`).
+        ignore_links: Links that are not drawn.
+        geometry: `visual` or `collision`, which is drawn. Meshes that are not may be missing.
 
     Raises:
         InputError: The description cannot be read, or a mesh to be drawn is missing.
@@ -36,13 +38,13 @@ def copy_robot(
     root = parse_xml(read_description(source, package_dirs), source)
     finder = FileFinder(source, package_dirs)
     names: dict[Path, str] = {}
-    for link, kind in product(root.iterfind("link"), ("visual", "collision")):
+    for link, kind in product(root.iterfind("link"), GEOMETRIES):
         for mesh in link.iterfind(f"{kind}/geometry/mesh"):
             name = mesh.get("filename", "")
             found, tried = finder.find(name)
             if found is not None:
                 mesh.set("filename", _copied(found, kind, names, target.parent))
-            elif kind == "visual" and link.get("name") not in ignore_links:
+            elif kind == geometry and link.get("name") not in ignore_links:
                 raise InputError(
                     f"The mesh '{name}' is missing; looked for at {told(tried)}",
                     where=source,

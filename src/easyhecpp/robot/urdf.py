@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from easyhecpp.errors import InputError
 from easyhecpp.robot.safe_xml import parse_xml
 
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
+Geometry = Literal["visual", "collision"]
+GEOMETRIES: tuple[Geometry, ...] = ("visual", "collision")
 SHAPE_KINDS = ("mesh", "box", "cylinder", "sphere")
 
 
@@ -143,7 +145,7 @@ def _read_link(element: ET.Element, path: Path) -> UrdfLink:
     where = f"{path}, link '{name}'"
     shapes = {
         kind: tuple(_shape_or_problem(e, f"{where}, <{kind}>") for e in element.findall(kind))
-        for kind in ("visual", "collision")
+        for kind in GEOMETRIES
     }
     return UrdfLink(name, **shapes)
 

@@ -91,7 +91,8 @@ def _missing_package(name: str, finder: FileFinder, path: Path) -> InputError:
         f"The package '{name}', from which the xacro file reads, was not found; looked for at "
         + told(tried),
         where=path,
-        fix="Give the folder that holds it (package_dirs, or ROS_PACKAGE_PATH)",
+        fix="Give the folder that holds it: package_dirs in capture.yaml, --package-dirs of "
+        "'easyhecpp info', or ROS_PACKAGE_PATH",
     )
 
 
