@@ -146,6 +146,46 @@ def test_packages_are_found(
         assert Robot.from_urdf(path).n_faces == 12
 
 
+def write_package(folder: Path, name: str, size: tuple[float, float, float] = (1, 1, 1)) -> None:
+    write_box(folder / "box.stl", size)
+    (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+
+
+@pytest.mark.parametrize("variable", ["package_dirs", "ROS_PACKAGE_PATH"])
+@pytest.mark.parametrize("place", [".", "src", "src/arm_ros"])
+def test_packages_are_found_in_a_workspace(
+    write_urdf: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, place: str
+) -> None:
+    path = write_urdf(link("a", mesh_geometry("package://arm_description/box.stl")))
+    workspace = tmp_path / "far" / "ws"
+    write_package(workspace / "src" / "arm_ros" / "checkout", "arm_description")
+    if variable == "package_dirs":
+        assert Robot.from_urdf(path, package_dirs=[workspace / place]).n_faces == 12
+    else:
+        monkeypatch.setenv(variable, str(workspace / place))
+        assert Robot.from_urdf(path).n_faces == 12
+
+
+def test_what_is_not_looked_through_for_packages(write_urdf: Write, tmp_path: Path) -> None:
+    path = write_urdf(link("a", mesh_geometry("package://arm_description/box.stl")))
+    workspace = tmp_path / "far" / "ws"
+    for hidden in (".git/arm", "a/b/c/d/arm", "other/inside/arm"):
+        write_package(workspace / hidden, "arm_description")
+    write_package(workspace / "other", "other")
+    assert "'package://arm_description/box.stl'" in message(path, package_dirs=[workspace])
+    (workspace / "linked").symlink_to(workspace / "a" / "b" / "c")  # as people link checkouts
+    (workspace / "loop").symlink_to(workspace)
+    assert Robot.from_urdf(path, package_dirs=[workspace]).n_faces == 12
+
+
+def test_the_package_nearest_to_the_top_counts(write_urdf: Write, tmp_path: Path) -> None:
+    path = write_urdf(link("a", mesh_geometry("package://arm/box.stl")))
+    workspace = tmp_path / "far" / "ws"
+    write_package(workspace / "install" / "arm" / "share" / "arm", "arm", (1, 1, 1))
+    write_package(workspace / "src" / "arm_ros" / "arm", "arm", (2, 2, 2))
+    assert volume(Robot.from_urdf(path, package_dirs=[workspace])) == pytest.approx(8)
+
+
 def test_given_folders_come_before_the_urdfs_own(write_urdf: Write, tmp_path: Path) -> None:
     path = write_urdf(link("a", mesh_geometry("package://pkg/box.stl")))
     write_box(tmp_path / "pkg" / "box.stl", (1, 1, 1))
