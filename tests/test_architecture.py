@@ -16,7 +16,7 @@ import easyhecpp
 SOURCE = Path(easyhecpp.__file__).parent
 
 LAYERS = {
-    0: {"_atomic", "_lens", "_optional", "_parallel", "camera", "errors", "geometry"},
+    0: {"_atomic", "_lens", "_optional", "_parallel", "_paths", "camera", "errors", "geometry"},
     1: {"capture", "rig", "robot"},
     2: {"render"},
     3: {"explore", "initialise", "segment", "solve"},

@@ -276,6 +276,42 @@ CASES = {
         lambda f: f.config(setup="eye-in-hand", ee_link="flange"),
         ["has no link 'flange'", "one of world, base"],
     ),
+    "capture.yaml that is a folder": (
+        lambda f: (f.root / "capture.yaml").mkdir(),
+        ["capture.yaml cannot be read: Is a directory", "or delete it to use the defaults"],
+    ),
+    "a date that is none": (
+        lambda f: (f.root / "capture.yaml").write_text("setup: 2024-13-45"),
+        ["capture.yaml is not valid YAML"],
+    ),
+    "robot of an unknown user": (
+        lambda f: f.config(robot="~no-such-user/robot.urdf"),
+        ["home folder in '~no-such-user/robot.urdf'", "capture.yaml, robot", "without ~"],
+    ),
+    "packages of an unknown user": (
+        lambda f: f.config(package_dirs=["~no-such-user/ws"]),
+        ["home folder in '~no-such-user/ws'", "capture.yaml, package_dirs", "without ~"],
+    ),
+    "zero byte in a path": (
+        lambda f: f.config(joints="a\0b"),
+        ["'joints' in capture.yaml is 'a\\x00b'", "Expected: a text"],
+    ),
+    "a cell without end": (
+        lambda f: lines(f, lambda all_: [all_[0], all_[1].replace(",", ',"', 1), *all_[2:]]),
+        ["no table from here on: unexpected end of data", "joints.csv, line 2", "quotation mark"],
+    ),
+    "a cell too long": (
+        lambda f: cell(f, "0001", "joint1", "1" * 200_000),
+        ["no table from here on: field larger than field limit", "joints.csv, line 3"],
+    ),
+    "table that is a folder": (
+        lambda f: [(f.root / "joints.csv").unlink(), (f.root / "joints.csv").mkdir()],
+        ["table of joints cannot be read: Is a directory", "joints.csv"],
+    ),
+    "unknown geometry": (
+        lambda f: f.config(geometry="contact"),
+        ["'geometry' in capture.yaml is 'contact'", "visual or collision"],
+    ),
     "unknown base link": (lambda f: f.config(base_link="bse"), ["'bse'", "base"]),
     "unknown ignored link": (lambda f: f.config(ignore_links=["fingr"]), ["'fingr'", "finger"]),
 }
@@ -293,6 +329,48 @@ def test_bad_input_is_one_clear_error(folder, case):
     assert "problems" not in text, "one cause is to give one error"
     errors = [problem for problem in check_capture(folder.root) if problem.severity == "error"]
     assert [str(problem) for problem in errors] == [text]
+
+
+LOCKED = {
+    "camera_info.yaml": "camera_info file cannot be read: Permission denied",
+    "joints.csv": "table of joints cannot be read: Permission denied",
+    "capture.yaml": "capture.yaml cannot be read: Permission denied",
+    "robot": "robot description cannot be read: Permission denied",
+    "robot/robot.urdf": "robot description cannot be read: Permission denied",
+    "images": "folder of images cannot be listed: Permission denied",
+    "masks": "folder of masks cannot be listed: Permission denied",
+    "masks/0001.png": "file cannot be read: Permission denied",
+}
+
+
+@pytest.mark.parametrize("name", LOCKED)
+def test_what_may_not_be_read_is_one_clear_error(folder, lock, name):
+    folder.config(setup="eye-to-hand")
+    lock(folder.root / name)
+    with pytest.raises(InputError) as caught:
+        Capture.load(folder.root)
+    assert LOCKED[name] in str(caught.value)
+    assert str(folder.root / name) in str(caught.value)
+    assert "problems" not in str(caught.value), "one cause is to give one error"
+
+
+def test_folders_inside_one_that_may_not_be_looked_into(folder, lock):
+    (folder.root / "private").mkdir()
+    lock(folder.root / "private")
+    for setting, what in (
+        ({"images": "private/images"}, "folder of images cannot be listed: Permission denied"),
+        ({"robot": "private/arm.xacro"}, "robot description cannot be read: Permission denied"),
+    ):
+        folder.config(**setting)
+        with pytest.raises(InputError, match=what) as caught:
+            Capture.load(folder.root)
+        assert "problems" not in str(caught.value)
+
+
+def test_a_locked_folder_that_the_capture_does_not_need(folder, lock):
+    (folder.root / "lost+found").mkdir()
+    lock(folder.root / "lost+found")
+    assert Capture.load(folder.root).view_ids == folder.views
 
 
 def test_folder_that_is_none(tmp_path):

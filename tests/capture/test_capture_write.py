@@ -99,6 +99,33 @@ def test_meshes_of_packages_and_of_the_same_name_are_kept_apart(folder, tmp_path
     assert names == ["part.stl", "part_2.stl"]
 
 
+def collision_only(folder):
+    """The arm's upper link seen as a mesh that is gone, touched as a thicker box."""
+    urdf = folder.root / "robot" / "robot.urdf"
+    seen = '<geometry><box size="0.05 0.05 0.3"/></geometry></visual>'
+    assert seen in urdf.read_text()
+    gone = '<geometry><mesh filename="gone.stl"/></geometry></visual>'
+    touched = '<collision><geometry><mesh filename="thick.stl"/></geometry></collision>'
+    urdf.write_text(urdf.read_text().replace(seen, gone + touched))
+    trimesh.creation.box((0.1, 0.1, 0.3)).export(urdf.parent / "thick.stl")
+
+
+def test_collision_geometry_instead_of_missing_visual_meshes(folder, tmp_path):
+    collision_only(folder)
+    with pytest.raises(InputError, match=r"(?s)gone\.stl.*geometry: collision"):
+        Capture.load(folder.root)
+    folder.config(geometry="collision")
+    capture = Capture.load(folder.root)
+    assert capture.robot.link_names == ("upper",)
+    assert np.ptp(capture.robot.meshes[0].vertices, axis=0).tolist() == pytest.approx(
+        [0.1, 0.1, 0.3]
+    )
+    assert any("drawn by its collision geometry" in note for note in capture.notes)
+    written = Capture.load(write_capture(tmp_path / "copy", capture))
+    same(written, capture)
+    assert written.robot.geometry == "collision"
+
+
 def test_a_missing_mesh_matters_only_when_it_is_drawn(folder, tmp_path):
     urdf = folder.root / "robot" / "robot.urdf"
     gone = '<geometry><mesh filename="gone.stl"/></geometry>'

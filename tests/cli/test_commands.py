@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from composites import Look, photograph
 from scenes_small import photographed
 from simulated_capture import simulated_capture
@@ -233,6 +234,40 @@ def test_info_on_a_robot(folder: Path) -> None:
     for name in (*small_arm().joint_names, *small_arm().link_names):
         assert name in text
     assert "lopsided" in run("info", urdf).out
+
+
+def test_info_takes_what_its_errors_advise(tmp_path: Path) -> None:
+    far, shape = tmp_path / "far" / "arm", "<geometry><{}/></geometry>"
+    far.mkdir(parents=True)
+    trimesh.creation.box((1, 1, 1)).export(far / "box.stl")
+    seen = shape.format('mesh filename="package://arm/box.stl"')
+    solid, touched = shape.format('box size="1 1 1"'), shape.format('sphere radius="1"')
+    urdf = tmp_path / "here" / "robot.urdf"
+    urdf.parent.mkdir()
+    urdf.write_text(
+        f'<robot name="r"><link name="a"><visual>{seen}</visual></link><link name="b"><visual>'
+        f"{solid}</visual><collision>{touched}</collision>"
+        '</link><joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint></robot>'
+    )
+    plain = run("info", urdf)
+    assert plain.code == 2
+    for advice in ("package_dirs", "ignore_links", "option of 'easyhecpp info'"):
+        assert advice in plain.err
+
+    def links(*options: object) -> list[str]:
+        facts = json.loads(run("info", urdf, "--json", *options).out)
+        return [link["name"] for link in facts["robot"]["links"]]
+
+    assert links("--package-dirs", far.parent) == ["a", "b"]
+    assert links("--ignore-links", "a") == ["b"]
+    assert links("--geometry", "collision") == ["b"]
+
+
+def test_options_for_robots_are_refused_for_captures(folder: Path) -> None:
+    ran = run("info", folder, "--geometry", "collision")
+    assert ran.code == 2
+    assert "--geometry is for a robot description" in ran.err
+    assert "capture.yaml" in ran.err
 
 
 def test_info_on_a_result(calibrated: tuple[Ran, Path]) -> None:

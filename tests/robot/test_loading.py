@@ -146,6 +146,46 @@ def test_packages_are_found(
         assert Robot.from_urdf(path).n_faces == 12
 
 
+def write_package(folder: Path, name: str, size: tuple[float, float, float] = (1, 1, 1)) -> None:
+    write_box(folder / "box.stl", size)
+    (folder / "package.xml").write_text(f"<package><name>{name}</name></package>")
+
+
+@pytest.mark.parametrize("variable", ["package_dirs", "ROS_PACKAGE_PATH"])
+@pytest.mark.parametrize("place", [".", "src", "src/arm_ros"])
+def test_packages_are_found_in_a_workspace(
+    write_urdf: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, place: str
+) -> None:
+    path = write_urdf(link("a", mesh_geometry("package://arm_description/box.stl")))
+    workspace = tmp_path / "far" / "ws"
+    write_package(workspace / "src" / "arm_ros" / "checkout", "arm_description")
+    if variable == "package_dirs":
+        assert Robot.from_urdf(path, package_dirs=[workspace / place]).n_faces == 12
+    else:
+        monkeypatch.setenv(variable, str(workspace / place))
+        assert Robot.from_urdf(path).n_faces == 12
+
+
+def test_what_is_not_looked_through_for_packages(write_urdf: Write, tmp_path: Path) -> None:
+    path = write_urdf(link("a", mesh_geometry("package://arm_description/box.stl")))
+    workspace = tmp_path / "far" / "ws"
+    for hidden in (".git/arm", "a/b/c/d/arm", "other/inside/arm"):
+        write_package(workspace / hidden, "arm_description")
+    write_package(workspace / "other", "other")
+    assert "'package://arm_description/box.stl'" in message(path, package_dirs=[workspace])
+    (workspace / "linked").symlink_to(workspace / "a" / "b" / "c")  # as people link checkouts
+    (workspace / "loop").symlink_to(workspace)
+    assert Robot.from_urdf(path, package_dirs=[workspace]).n_faces == 12
+
+
+def test_the_package_nearest_to_the_top_counts(write_urdf: Write, tmp_path: Path) -> None:
+    path = write_urdf(link("a", mesh_geometry("package://arm/box.stl")))
+    workspace = tmp_path / "far" / "ws"
+    write_package(workspace / "install" / "arm" / "share" / "arm", "arm", (1, 1, 1))
+    write_package(workspace / "src" / "arm_ros" / "arm", "arm", (2, 2, 2))
+    assert volume(Robot.from_urdf(path, package_dirs=[workspace])) == pytest.approx(8)
+
+
 def test_given_folders_come_before_the_urdfs_own(write_urdf: Write, tmp_path: Path) -> None:
     path = write_urdf(link("a", mesh_geometry("package://pkg/box.stl")))
     write_box(tmp_path / "pkg" / "box.stl", (1, 1, 1))
@@ -184,8 +224,15 @@ def test_collision_meshes_are_offered_when_they_are_there(
         f"<collision><geometry>{mesh_geometry('simple.stl')}</geometry></collision></link>",
     )
     path = write_urdf(shapes)
-    assert "geometry='collision' would use them" in message(path)
-    assert Robot.from_urdf(path, geometry="collision").n_faces == 12
+    text = message(path)
+    assert "draw the collision geometry, whose meshes are all there (geometry: collision)" in text
+    assert "key of capture.yaml and an option of 'easyhecpp info'" in text
+    assert "package_dirs" not in text
+    robot = Robot.from_urdf(path, geometry="collision")
+    assert robot.n_faces == 12
+    assert "drawn by its collision geometry" in robot.notes[0]
+    broken = shapes.replace("</link>", "<collision/></link>")
+    assert "geometry: collision" not in message(write_urdf(broken))
 
 
 def test_links_without_the_wanted_geometry_are_told(write_urdf: Write) -> None:
@@ -197,9 +244,8 @@ def test_links_without_the_wanted_geometry_are_told(write_urdf: Write) -> None:
     assert robot.notes[0].endswith("b.")
     assert Robot.from_urdf(write_urdf(body), ignore_links=["b"]).notes == ()
     only = f'<link name="a">{collision}</link>'
-    assert (
-        "it has collision geometry: use geometry='collision'" in message(write_urdf(only)).lower()
-    )
+    text = message(write_urdf(only))
+    assert "It has collision geometry to draw (geometry: collision)" in text
     assert "No link has visual geometry" in message(write_urdf('<link name="a"/>'))
 
 
@@ -259,22 +305,38 @@ def test_real_captures(shared: Path) -> None:
 
 
 def test_files_that_cannot_be_read(
-    write_urdf: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    write_urdf: Write, tmp_path: Path, lock: Callable[[Path], None]
 ) -> None:
     write_box(tmp_path / "box.stl")
     path = write_urdf(link("a", mesh_geometry("box.stl")))
-    read_bytes = Path.read_bytes
-
-    def refuse(suffix: str) -> None:
-        def read(file: Path) -> bytes:
-            if file.suffix == suffix:
-                raise PermissionError(13, "Permission denied", str(file))
-            return read_bytes(file)
-
-        monkeypatch.setattr(Path, "read_bytes", read)
-
-    refuse(".stl")
+    lock(tmp_path / "box.stl")
     assert "mesh cannot be read" in message(path)
     assert "box.stl" in message(path)
-    refuse(".urdf")
-    assert "robot description cannot be read" in message(path)
+    for name in ("robot.urdf", "robot.xacro"):
+        (tmp_path / name).touch()
+        lock(tmp_path / name)
+        text = message(tmp_path / name)
+        assert "robot description cannot be read: Permission denied" in text
+        assert name in text
+
+
+def test_folders_of_meshes_that_cannot_be_looked_into(
+    write_urdf: Write, tmp_path: Path, lock: Callable[[Path], None]
+) -> None:
+    write_box(tmp_path / "closed" / "box.stl")
+    lock(tmp_path / "closed")
+    path = write_urdf(link("a", mesh_geometry("closed/box.stl")))
+    assert f"looked for at {tmp_path / 'closed' / 'box.stl'} (Permission denied)" in message(path)
+    packaged = write_urdf(link("a", mesh_geometry("package://arm/box.stl")))
+    write_box(tmp_path / "arm" / "box.stl")
+    assert Robot.from_urdf(packaged, package_dirs=[tmp_path / "closed"]).n_faces == 12
+
+
+def test_names_that_no_file_can_have(write_urdf: Write) -> None:
+    long = write_urdf(link("a", mesh_geometry("x" * 300 + ".stl")))
+    assert "x.stl (File name too long)" in message(long)
+    zero = write_urdf(link("a", mesh_geometry("a%00b.stl")))
+    assert "(embedded null byte)" in message(zero)
+    unknown = "The home folder in '~no-such-user/ws' is not known (package_dirs)"
+    assert unknown in message(zero, package_dirs=["~no-such-user/ws"])
+    assert "'~no-such-user/r.urdf' is not known" in message(Path("~no-such-user/r.urdf"))

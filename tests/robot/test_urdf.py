@@ -132,6 +132,26 @@ def test_shapes_that_are_none(write_urdf: Write, geometry: str, what: str) -> No
     text = message(write_urdf(body))
     assert what in text
     assert "link 'a', <visual>" in text
+    drawn = f'<link name="b">{BOX}</link>' + joint("j", "a", "b")
+    assert Robot.from_urdf(write_urdf(body + drawn), ignore_links=["a"]).link_names == ("b",)
+
+
+@pytest.mark.parametrize(
+    ("shape", "what"),
+    [
+        ('<geometry><capsule radius="1" length="1"/></geometry>', "<capsule> is not supported"),
+        ('<geometry><sphere radius="0"/></geometry>', "size of a sphere is 0"),
+        ('<origin xyz="0 0"/><geometry><box size="1 1 1"/></geometry>', "is not 3 finite numbers"),
+        ("", "has no geometry"),
+    ],
+)
+def test_shapes_that_are_not_drawn_may_be_none(write_urdf: Write, shape: str, what: str) -> None:
+    collision = f"<collision>{shape}</collision>"
+    path = write_urdf(f'<link name="a">{BOX}{collision}</link>')
+    assert Robot.from_urdf(path).n_faces == 12
+    text = message(path, geometry="collision")
+    assert what in text
+    assert "link 'a', <collision>" in text
 
 
 def test_unknown_links_in_options(write_urdf: Write) -> None:

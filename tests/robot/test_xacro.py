@@ -85,6 +85,45 @@ def test_a_missing_package_tells_where_it_was_sought(tmp_path: Path) -> None:
     assert "package_dirs" in message(path)
 
 
+BOX_LINK = '<link name="a"><visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        '<!-- <xacro:include filename="$(find nowhere)/old.xacro"/> -->',
+        '<xacro:arg name="sim" default="false"/><xacro:if value="$(arg sim)">'
+        '<xacro:include filename="$(find nowhere)/sim.xacro"/></xacro:if>',
+        '<gazebo><plugin filename="lib.so" name="p">'
+        "<parameters>$(find nowhere)/config/c.yaml</parameters></plugin></gazebo>",
+        '<xacro:property name="config" value="$(find nowhere)/c.yaml"/>'
+        '<ros2_control name="r"><param name="file">${config}</param></ros2_control>',
+        '<xacro:include filename="$(find nowhere)/extra.xacro" optional="true"/>',
+    ],
+    ids=["comment", "if", "gazebo", "ros2_control", "optional"],
+)
+def test_packages_that_nothing_drawn_needs_may_be_missing(tmp_path: Path, body: str) -> None:
+    assert Robot.from_urdf(write_package(tmp_path, BOX_LINK + body)).link_names == ("a",)
+
+
+@pytest.mark.parametrize("file", ["g.xacro", "*.xacro"])
+def test_a_package_that_is_included_from_must_be_there(tmp_path: Path, file: str) -> None:
+    include = f'<xacro:include filename="$(find gripper)/{file}"/>'
+    text = message(write_package(tmp_path, BOX_LINK + include))
+    assert "The package 'gripper', from which the xacro file reads, was not found" in text
+    assert str(tmp_path / "gripper") in text
+
+
+@pytest.mark.parametrize("scheme", ["", "file://"])
+def test_a_mesh_of_a_missing_package_is_told_as_a_mesh(tmp_path: Path, scheme: str) -> None:
+    mesh = f'<mesh filename="{scheme}$(find gripper)/palm.stl"/>'
+    body = f'<link name="a"><visual><geometry>{mesh}</geometry></visual></link>'
+    text = message(write_package(tmp_path, body))
+    assert "1 mesh file is missing" in text
+    assert "'package://gripper/palm.stl' of link 'a'" in text
+    assert str(tmp_path / "gripper" / "palm.stl") in text
+
+
 def test_entities_are_refused(tmp_path: Path) -> None:
     path = write_package(tmp_path, "")
     path.write_text('<!DOCTYPE robot [<!ENTITY a "x">]><robot name="&a;"/>')

@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from easyhecpp._paths import reason
 from easyhecpp.errors import InputError
 
 LAYOUTS = (
@@ -31,7 +32,11 @@ def read_entries(path: Path) -> dict[str, Any]:
             fix="Record it beside the images, or name it in capture.yaml: 'camera_info: FILE'",
         ) from error
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"The camera_info file cannot be read: {error}", where=path) from error
+        raise InputError(
+            f"The camera_info file cannot be read: {reason(error)}",
+            where=path,
+            fix="Make it a text file that you may read",
+        ) from error
     content = _first_document(text, path)
     if not isinstance(content, dict) or not content:
         raise InputError("The camera_info file holds no entries", where=path, expected=LAYOUTS)
@@ -48,7 +53,7 @@ def _first_document(text: str, path: Path) -> Any:
             return json.loads(text)
         # `ros2 topic echo` ends every message with '---'; the messages of a fixed camera agree.
         return next((part for part in yaml.safe_load_all(text) if part is not None), None)
-    except (yaml.YAMLError, json.JSONDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: JSON, and dates that are none
         kind = "JSON" if path.suffix.lower() == ".json" else "YAML"
         raise InputError(
             f"The camera_info file is not valid {kind}: {' '.join(str(error).split())}",

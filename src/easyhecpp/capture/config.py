@@ -10,9 +10,11 @@ from typing import Any, Literal
 
 import yaml
 
+from easyhecpp._paths import expanded, reason
 from easyhecpp.capture._text import did_you_mean, listing
 from easyhecpp.errors import InputError
 from easyhecpp.rig import SETUPS, Setup, check_setup
+from easyhecpp.robot.urdf import GEOMETRIES, Geometry
 
 CONFIG_NAME = "capture.yaml"
 
@@ -31,6 +33,8 @@ class CaptureConfig:
         base_link: First link of the robot; None takes the first one with geometry.
         ee_link: Link that an eye-in-hand camera rides on.
         ignore_links: Links whose geometry is not drawn.
+        geometry: Which geometry of the links is drawn: `visual`, or `collision` where the visual
+            meshes are not at hand.
         package_dirs: Folders that hold the packages of `package://` addresses.
         camera_info: File with the intrinsics.
         joints: Table of joint positions.
@@ -47,6 +51,7 @@ class CaptureConfig:
     base_link: str | None = None
     ee_link: str | None = None
     ignore_links: tuple[str, ...] = ()
+    geometry: Geometry = "visual"
     package_dirs: tuple[str, ...] = ()
     camera_info: str = "camera_info.yaml"
     joints: str = "joints.csv"
@@ -58,7 +63,8 @@ class CaptureConfig:
 
     def package_paths(self, root: Path) -> tuple[Path, ...]:
         """The package folders as paths."""
-        return tuple(root / Path(folder).expanduser() for folder in self.package_dirs)
+        where = f"{root / CONFIG_NAME}, package_dirs"
+        return tuple(root / expanded(folder, where) for folder in self.package_dirs)
 
 
 def read_config(root: Path) -> CaptureConfig:
@@ -68,8 +74,6 @@ def read_config(root: Path) -> CaptureConfig:
         InputError: The file cannot be read, has an unknown key, or a value of the wrong kind.
     """
     path = root / CONFIG_NAME
-    if not path.is_file():
-        return CaptureConfig()
     content = _load_yaml(path)
     if content is None:
         return CaptureConfig()
@@ -109,11 +113,15 @@ def _valid_keys() -> str:
 def _load_yaml(path: Path) -> Any:
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
-            f"capture.yaml cannot be read: {error}", where=str(path), fix="check the file"
+            f"capture.yaml cannot be read: {reason(error)}",
+            where=str(path),
+            fix="Make it a text file that you may read, or delete it to use the defaults",
         ) from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none, among others
         raise InputError(
             f"capture.yaml is not valid YAML: {' '.join(str(error).split())}",
             where=str(path),
@@ -146,13 +154,17 @@ def _wrong(value: object, key: str, path: Path, expected: str) -> InputError:
 
 
 def _text(value: object, key: str, path: Path) -> str:
-    if not isinstance(value, str) or not value.strip():
+    if not _is_text(value):
         raise _wrong(value, key, path, "a text")
-    return value
+    return str(value)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str) and bool(value.strip()) and "\0" not in value
 
 
 def _texts(value: object, key: str, path: Path) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, str) and item for item in value):
+    if not isinstance(value, list) or not all(_is_text(item) for item in value):
         raise _wrong(value, key, path, "a list of texts such as [a, b]")
     return tuple(value)
 
@@ -164,12 +176,13 @@ def _setup(value: object, key: str, path: Path) -> Setup:
         raise _wrong(value, key, path, f"one of {listing(SETUPS)}") from error
 
 
-def _units(value: object, key: str, path: Path) -> JointUnits:
-    if value == "rad":
-        return "rad"
-    if value == "deg":
-        return "deg"
-    raise _wrong(value, key, path, "rad or deg")
+def _one_of(*known: str) -> Callable[[object, str, Path], str]:
+    def check(value: object, key: str, path: Path) -> str:
+        if value not in known:
+            raise _wrong(value, key, path, " or ".join(known))
+        return str(value)
+
+    return check
 
 
 def _numbers(value: object, key: str, path: Path) -> dict[str, float]:
@@ -193,10 +206,11 @@ _CHECKS: dict[str, Callable[[object, str, Path], Any]] = {
     "base_link": _text,
     "ee_link": _text,
     "ignore_links": _texts,
+    "geometry": _one_of(*GEOMETRIES),
     "package_dirs": _texts,
     "camera_info": _text,
     "joints": _text,
-    "joint_units": _units,
+    "joint_units": _one_of("rad", "deg"),
     "default_joints": _numbers,
     "images": _text,
     "masks": _text,

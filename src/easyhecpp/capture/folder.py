@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp._paths import expanded, is_file, obstacle, reason
 from easyhecpp.camera import Camera
 from easyhecpp.capture._text import listing
 from easyhecpp.capture.camera_info import parse_camera_info
@@ -22,7 +23,7 @@ from easyhecpp.capture.view import View
 from easyhecpp.errors import InputError
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
-from easyhecpp.robot.resolve import FileFinder
+from easyhecpp.robot.resolve import FileFinder, told
 
 _LAYOUT = (
     "camera_info.yaml, joints.csv, images/NNNN.png, robot/robot.urdf, and optionally "
@@ -80,24 +81,24 @@ def read_folder(folder: str | Path) -> FolderContents:
 
 
 def _checked_root(root: Path) -> Path:
-    if not root.is_dir():
-        raise InputError(
-            "There is no such capture folder" if not root.exists() else "This is not a folder",
-            where=root,
-            expected=f"a folder with {_LAYOUT}",
-        )
     try:
         entries = sorted(item for item in root.iterdir() if not item.name.startswith("."))
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InputError(
+            "This is not a folder" if is_file(root) else "There is no such capture folder",
+            where=root,
+            expected=f"a folder with {_LAYOUT}",
+        ) from error
     except OSError as error:
         raise InputError(
-            f"The capture folder cannot be listed: {error.strerror}", where=root
+            f"The capture folder cannot be listed: {reason(error)}", where=root
         ) from error
     if not entries:
         raise InputError(
             "The capture folder is empty", where=root, expected=f"a folder with {_LAYOUT}"
         )
-    inner = [item.name for item in entries if (item / "joints.csv").is_file()]
-    if inner and not (root / "joints.csv").exists() and not (root / CONFIG_NAME).exists():
+    inner = [item.name for item in entries if is_file(item / "joints.csv")]
+    if inner and not any(is_file(root / name) for name in ("joints.csv", CONFIG_NAME)):
         raise InputError(
             "This folder holds captures, it is none itself",
             where=root,
@@ -123,6 +124,7 @@ def _read_robot(root: Path, config: CaptureConfig, findings: Findings) -> Robot 
             package_dirs=config.package_paths(root),
             base_link=config.base_link,
             ignore_links=config.ignore_links,
+            geometry=config.geometry,
         )
         for note in robot.notes:
             findings.note(note, where=config.robot)
@@ -138,8 +140,9 @@ def robot_path(root: Path, config: CaptureConfig) -> Path:
         InputError: There is none.
     """
     if not config.robot.startswith("package://"):
-        path = root / Path(config.robot).expanduser()
-        if not path.is_file():
+        path = root / expanded(config.robot, f"{root / CONFIG_NAME}, robot")
+        # What is there and may not be read is told by whoever reads it.
+        if obstacle(path) is None and not is_file(path):
             raise InputError(
                 "There is no robot description",
                 where=path,
@@ -151,8 +154,7 @@ def robot_path(root: Path, config: CaptureConfig) -> Path:
     found, tried = finder.find(config.robot)
     if found is None:
         raise InputError(
-            f"There is no robot description '{config.robot}'; looked for at "
-            f"{listing(tried, limit=6)}",
+            f"There is no robot description '{config.robot}'; looked for at {told(tried)}",
             where=root / CONFIG_NAME,
             fix="Add the folder that holds the package to 'package_dirs'",
         )

@@ -6,12 +6,14 @@ import csv
 import io
 import math
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp._paths import reason
 from easyhecpp.capture._text import listing, plural
 from easyhecpp.capture.image_files import IMAGE_SUFFIXES
 from easyhecpp.capture.problems import Findings, Problem
@@ -115,12 +117,32 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
             fix="Write joints.csv, or name the file in capture.yaml: 'joints: FILE'",
         ) from error
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"The table of joints cannot be read: {error}", where=path) from error
-    reader = csv.reader(io.StringIO(text, newline=""))
-    lines = [(reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells)]
+        raise InputError(
+            f"The table of joints cannot be read: {reason(error)}",
+            where=path,
+            fix="Make it a text file that you may read",
+        ) from error
+    lines = [(line, cells) for line, cells in _rows(text, path) if any(c.strip() for c in cells)]
     if not lines:
         raise InputError("The table of joints is empty", where=path, expected=_LAYOUT)
     return lines
+
+
+def _rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+    """The rows of the file, each with the number of its last line."""
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    line = 0
+    try:
+        for cells in reader:
+            line = reader.line_num
+            yield line, cells
+    except csv.Error as error:
+        raise InputError(
+            f"The table of joints is no table from here on: {error}",
+            where=f"{path}, line {line + 1}",
+            expected="numbers between commas; what opens with a quotation mark closes with one",
+            fix="Correct the line, or export the table again",
+        ) from error
 
 
 def _checked_header(header: list[str], path: Path) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from easyhecpp._paths import is_folder
 from easyhecpp.capture._text import listing, plural
 from easyhecpp.capture.config import CONFIG_NAME, CaptureConfig
 from easyhecpp.capture.joint_table import JointTable
@@ -35,12 +36,14 @@ class PictureFiles:
                 found[-1] = list_pictures(root / name, kind, findings)
         files = PictureFiles(*found)
         folder = root / config.images
+        if any(problem.where == str(folder) for problem in findings.errors):
+            return files  # why nothing was found is known
         if not files.images and files.masks:
             findings.note("There are no images, only masks", where=str(folder))
         elif not files.images:
             findings.error(
                 "The folder of images holds no image"
-                if folder.is_dir()
+                if is_folder(folder)
                 else "There is no folder of images",
                 where=str(folder),
                 expected="PNG or JPEG files named like the views in joints.csv",

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
+from easyhecpp._paths import reason
 from easyhecpp.camera import Camera
 from easyhecpp.capture._text import listing, plural
 from easyhecpp.capture.image_data import conversion_of, inspect_mask, read_depth
@@ -22,13 +23,15 @@ _PARTS: dict[str, Part] = {"image": "view", "mask": "mask", "depth image": "dept
 
 def list_pictures(folder: Path, kind: str, findings: Findings) -> dict[str, Path]:
     """The PNG and JPEG files of a folder by view id, sorted; empty when there is no folder."""
-    if not folder.exists():
-        return {}
     try:
         files = sorted(item for item in folder.iterdir() if not item.name.startswith("."))
+    except FileNotFoundError:
+        return {}
     except OSError as error:
         raise InputError(
-            f"The folder of {kind}s cannot be listed: {error.strerror}", where=folder
+            f"The folder of {kind}s cannot be listed: {reason(error)}",
+            where=folder,
+            fix="Make it a folder that you may read",
         ) from error
     pictures: dict[str, Path] = {}
     for file in files:

@@ -8,9 +8,12 @@ from itertools import product
 from pathlib import Path
 
 from easyhecpp._atomic import write_bytes
+from easyhecpp.capture.image_files import read_file
 from easyhecpp.errors import InputError
-from easyhecpp.robot.resolve import FileFinder
-from easyhecpp.robot.safe_xml import refuse_dtd
+from easyhecpp.robot.description import read_description
+from easyhecpp.robot.resolve import FileFinder, told
+from easyhecpp.robot.safe_xml import parse_xml
+from easyhecpp.robot.urdf import GEOMETRIES, Geometry
 
 
 def copy_robot(
@@ -18,6 +21,7 @@ def copy_robot(
     target: Path,
     package_dirs: Sequence[Path] = (),
     ignore_links: Sequence[str] = (),
+    geometry: Geometry = "visual",
 ) -> None:
     """Copy a URDF (or what a xacro expands to) with the meshes it names.
 
@@ -25,47 +29,28 @@ def copy_robot(
         source: `.urdf` or `.xacro` file.
         target: The new `.urdf`; meshes go into `meshes/` beside it.
         package_dirs: Where its `package://` names are looked for first.
-        ignore_links: Links that are not drawn. Their meshes may be missing, as may those for
-            contact (`collision`).
+        ignore_links: Links that are not drawn.
+        geometry: `visual` or `collision`, which is drawn. Meshes that are not may be missing.
 
     Raises:
         InputError: The description cannot be read, or a mesh to be drawn is missing.
     """
-    root = _parse(source, package_dirs)
+    root = parse_xml(read_description(source, package_dirs), source)
     finder = FileFinder(source, package_dirs)
     names: dict[Path, str] = {}
-    for link, kind in product(root.iterfind("link"), ("visual", "collision")):
+    for link, kind in product(root.iterfind("link"), GEOMETRIES):
         for mesh in link.iterfind(f"{kind}/geometry/mesh"):
             name = mesh.get("filename", "")
             found, tried = finder.find(name)
             if found is not None:
                 mesh.set("filename", _copied(found, kind, names, target.parent))
-            elif kind == "visual" and link.get("name") not in ignore_links:
+            elif kind == geometry and link.get("name") not in ignore_links:
                 raise InputError(
-                    f"The mesh '{name}' is missing; looked for at "
-                    + ", ".join(str(place) for place in tried),
+                    f"The mesh '{name}' is missing; looked for at {told(tried)}",
                     where=source,
                     fix="Give the folder that holds the packages (package_dirs)",
                 )
     write_bytes(target, ET.tostring(root, encoding="utf-8", xml_declaration=True))
-
-
-def _parse(source: Path, package_dirs: Sequence[Path]) -> ET.Element:
-    if not source.is_file():
-        raise InputError(
-            "There is no robot description", where=source, expected="a .urdf or .xacro file"
-        )
-    if source.suffix == ".xacro":
-        from easyhecpp.robot.xacro import expand_xacro
-
-        data = expand_xacro(source, package_dirs)
-    else:
-        data = source.read_bytes()
-    refuse_dtd(data, source)
-    try:
-        return ET.fromstring(data)
-    except ET.ParseError as error:
-        raise InputError(f"The robot description is not valid XML: {error}", where=source) from None
 
 
 def _copied(mesh: Path, kind: str, names: dict[Path, str], folder: Path) -> str:
@@ -75,6 +60,6 @@ def _copied(mesh: Path, kind: str, names: dict[Path, str], folder: Path) -> str:
         while name in names.values():
             count += 1
             name = f"meshes/{kind}/{mesh.stem}_{count}{mesh.suffix}"
-        write_bytes(folder / name, mesh.read_bytes())
+        write_bytes(folder / name, read_file(mesh))
         names[mesh] = name
     return names[mesh]

@@ -179,9 +179,16 @@ def _write_files(partial: Path, target: Path, capture: CaptureLike, source: Robo
         base_link=capture.robot.base_link,
         ee_link=capture.ee_link,
         ignore_links=source.ignore_links,
+        geometry=capture.robot.geometry,
     )
     if source.copy:
-        copy_robot(source.path, partial / config.robot, source.package_dirs, source.ignore_links)
+        copy_robot(
+            source.path,
+            partial / config.robot,
+            source.package_dirs,
+            source.ignore_links,
+            config.geometry,
+        )
     else:
         config = replace(
             config,

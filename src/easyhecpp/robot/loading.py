@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from easyhecpp.errors import InputError
+from easyhecpp.robot.description import read_description
 from easyhecpp.robot.kinematics import build_tree
 from easyhecpp.robot.link_shapes import load_meshes
-from easyhecpp.robot.resolve import FileFinder
+from easyhecpp.robot.resolve import FileFinder, told
 from easyhecpp.robot.robot import Robot, check_links
-from easyhecpp.robot.urdf import Shape, Urdf, parse_urdf
+from easyhecpp.robot.urdf import GEOMETRIES, Geometry, Shape, Urdf, parse_urdf
 
-GEOMETRIES = ("visual", "collision")
+_SETTINGS = "What stands in brackets is a key of capture.yaml and an option of 'easyhecpp info'"
 
 
 def load_robot(
@@ -24,7 +26,7 @@ def load_robot(
     package_dirs: Sequence[str | os.PathLike[str]] = (),
     base_link: str | None = None,
     ignore_links: Iterable[str] = (),
-    geometry: str = "visual",
+    geometry: Geometry = "visual",
 ) -> Robot:
     """See `Robot.from_urdf`."""
     ignored = tuple(ignore_links)
@@ -32,8 +34,8 @@ def load_robot(
         raise InputError(
             f"Unknown geometry '{geometry}'", expected=f"one of {', '.join(GEOMETRIES)}"
         )
+    urdf = parse_urdf(read_description(path, package_dirs), path)
     finder = FileFinder(path, package_dirs)
-    urdf = parse_urdf(_read_description(path, package_dirs), path)
     check_links(ignored, tuple(urdf.links), "ignore_links")
     if base_link is not None:
         check_links([base_link], tuple(urdf.links), "base_link")
@@ -42,6 +44,9 @@ def load_robot(
     shapes = {name: s for name, s in shapes.items() if s}
     if not shapes:
         raise _no_geometry(urdf, ignored, geometry, path)
+    for shape in chain.from_iterable(shapes.values()):
+        if shape.problem is not None:
+            raise shape.problem
     files = _find_files(shapes, finder, urdf, geometry, path)
     meshes = load_meshes(shapes, files)
 
@@ -84,23 +89,12 @@ def default_base(urdf: Urdf) -> str:
     return urdf.root
 
 
-def _read_description(path: Path, package_dirs: Sequence[str | os.PathLike[str]]) -> bytes:
-    if not path.is_file():
-        raise InputError(
-            "The robot description does not exist", where=path, expected="a .urdf or .xacro"
-        )
-    if path.suffix == ".xacro":
-        from easyhecpp.robot.xacro import expand_xacro
-
-        return expand_xacro(path, package_dirs)
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"The robot description cannot be read: {error}", where=path) from error
-
-
 def _find_files(
-    shapes: dict[str, tuple[Shape, ...]], finder: FileFinder, urdf: Urdf, geometry: str, path: Path
+    shapes: dict[str, tuple[Shape, ...]],
+    finder: FileFinder,
+    urdf: Urdf,
+    geometry: Geometry,
+    path: Path,
 ) -> dict[str, Path]:
     """Mesh name to file; all that are missing are reported together."""
     files: dict[str, Path] = {}
@@ -117,7 +111,7 @@ def _find_files(
                 files[name] = found
     if missing:
         lines = [
-            f"'{name}' of link '{link}', looked for at " + ", ".join(map(str, tried))
+            f"'{name}' of link '{link}', looked for at {told(tried)}"
             if tried
             else f"'{name}' of link '{link}', whose scheme is not package:// or file://"
             for name, (link, tried) in missing.items()
@@ -127,30 +121,46 @@ def _find_files(
             + "\n  ".join(lines)
             + "\n",
             where=path,
-            fix=_missing_fix(urdf, finder, geometry),
+            fix=_missing_fix(missing, urdf, finder, geometry),
         )
     return files
 
 
-def _missing_fix(urdf: Urdf, finder: FileFinder, geometry: str) -> str:
-    fix = "Give the folder that holds the packages (package_dirs), or ignore the links"
-    collisions = [s.filename for k in urdf.links.values() for s in k.collision if s.filename]
-    if geometry == "visual" and collisions and all(finder.find(f)[0] for f in collisions):
-        fix += "; the collision meshes are all there: geometry='collision' would use them"
-    return fix
+def _missing_fix(missing: Iterable[str], urdf: Urdf, finder: FileFinder, geometry: Geometry) -> str:
+    packaged = any(name.startswith("package://") for name in missing)
+    ways = [
+        "give the folder that holds the packages (package_dirs)" if packaged else "put them there",
+        "leave the links out (ignore_links)",
+    ]
+    if geometry == "visual" and _collisions_are_there(urdf, finder):
+        ways.append("draw the collision geometry, whose meshes are all there (geometry: collision)")
+    text = ", or ".join(ways)
+    return f"{text[0].upper()}{text[1:]}. {_SETTINGS}"
 
 
-def _no_geometry(urdf: Urdf, ignored: Sequence[str], geometry: str, path: Path) -> InputError:
+def _collisions_are_there(urdf: Urdf, finder: FileFinder) -> bool:
+    shapes = [shape for link in urdf.links.values() for shape in link.collision]
+    files = [shape.filename for shape in shapes if shape.filename]
+    return (
+        bool(files)
+        and all(shape.problem is None for shape in shapes)
+        and all(finder.find(file)[0] for file in files)
+    )
+
+
+def _no_geometry(urdf: Urdf, ignored: Sequence[str], geometry: Geometry, path: Path) -> InputError:
     other = "collision" if geometry == "visual" else "visual"
     has_other = any(getattr(k, other) for n, k in urdf.links.items() if n not in ignored)
     return InputError(
         f"No link has {geometry} geometry" + (" that is not ignored" if ignored else ""),
         where=path,
-        fix=f"It has {other} geometry: use geometry='{other}'" if has_other else None,
+        fix=f"It has {other} geometry to draw (geometry: {other}). {_SETTINGS}"
+        if has_other
+        else None,
     )
 
 
-def _undrawn_links(urdf: Urdf, ignored: Sequence[str], geometry: str) -> tuple[str, ...]:
+def _undrawn_links(urdf: Urdf, ignored: Sequence[str], geometry: Geometry) -> tuple[str, ...]:
     other = "collision" if geometry == "visual" else "visual"
     return tuple(
         name

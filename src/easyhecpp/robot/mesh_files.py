@@ -74,7 +74,7 @@ def read_mesh(path: Path) -> Triangles:
         raise InputError(
             "The mesh is empty: it has no triangles",
             where=path,
-            fix="Export it again, or ignore the link",
+            fix="Export it again, or leave its link out (ignore_links)",
         )
     if not np.isfinite(vertices).all():
         raise InputError("The mesh has vertices that are not finite numbers", where=path)

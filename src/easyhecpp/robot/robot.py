@@ -7,14 +7,15 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from easyhecpp import geometry as se3
+from easyhecpp._paths import expanded
 from easyhecpp.errors import InputError
 from easyhecpp.robot.kinematics import KinematicTree
 from easyhecpp.robot.link_mesh import LinkMesh
+from easyhecpp.robot.urdf import Geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class Robot:
     link_names: tuple[str, ...]
     meshes: tuple[LinkMesh, ...]
     frame_names: tuple[str, ...]
-    geometry: str
+    geometry: Geometry
     undrawn_links: tuple[str, ...]
     tree: KinematicTree = field(repr=False)
 
@@ -59,7 +60,7 @@ class Robot:
         package_dirs: Sequence[str | os.PathLike[str]] = (),
         base_link: str | None = None,
         ignore_links: Iterable[str] = (),
-        geometry: str = "visual",
+        geometry: Geometry = "visual",
     ) -> Robot:
         """Read a URDF, or a xacro file, with the meshes it names.
 
@@ -77,7 +78,7 @@ class Robot:
         from easyhecpp.robot.loading import load_robot
 
         return load_robot(
-            Path(path).expanduser(),
+            expanded(path),
             package_dirs=package_dirs,
             base_link=base_link,
             ignore_links=ignore_links,
@@ -97,13 +98,19 @@ class Robot:
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know about the geometry, sentences."""
-        if not self.undrawn_links:
-            return ()
-        other = "collision" if self.geometry == "visual" else "visual"
-        return (
-            f"Links with {other} but no {self.geometry} geometry are left out of the picture: "
-            f"{', '.join(self.undrawn_links)}.",
-        )
+        notes = []
+        if self.geometry == "collision":
+            notes.append(
+                "The robot is drawn by its collision geometry, which is often coarser or thicker "
+                "than what a picture shows."
+            )
+        if self.undrawn_links:
+            other = "collision" if self.geometry == "visual" else "visual"
+            notes.append(
+                f"Links with {other} but no {self.geometry} geometry are left out of the picture: "
+                f"{', '.join(self.undrawn_links)}."
+            )
+        return tuple(notes)
 
     @property
     def mesh_error(self) -> float:

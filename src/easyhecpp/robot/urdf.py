@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from easyhecpp.errors import InputError
 from easyhecpp.robot.safe_xml import parse_xml
 
 MOVING_TYPES = ("revolute", "continuous", "prismatic")
+Geometry = Literal["visual", "collision"]
+GEOMETRIES: tuple[Geometry, ...] = ("visual", "collision")
 SHAPE_KINDS = ("mesh", "box", "cylinder", "sphere")
 
 
@@ -25,13 +27,17 @@ SHAPE_KINDS = ("mesh", "box", "cylinder", "sphere")
 class Shape:
     """One `<visual>` or `<collision>` of a link.
 
+    Only one of the two is drawn, and not of every link, so that a shape which is none is an error
+    only to whoever wants to draw it.
+
     Attributes:
-        kind: `mesh`, `box`, `cylinder` or `sphere`.
+        kind: `mesh`, `box`, `cylinder` or `sphere`; `none` when there is a problem.
         T_link_shape: (4, 4) pose of the shape in its link.
         size: box edges (3,), cylinder (radius, length), sphere (radius,), mesh scale (3,); metres
             but for the scale.
         filename: as written in the URDF, meshes only.
         where: the place in the URDF, for error texts.
+        problem: why the shape cannot be drawn.
     """
 
     kind: str
@@ -39,6 +45,7 @@ class Shape:
     size: tuple[float, ...]
     filename: str | None
     where: str
+    problem: InputError | None = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,7 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
 
     Raises:
         InputError: not XML, not a URDF, a DTD, a number that is not finite, an unknown joint
-            type, or links that do not form one tree.
+            type, or links that do not form one tree. Shapes that cannot be drawn say so themselves.
     """
     element = parse_xml(data, path)
     if element.tag != "robot":
@@ -137,10 +144,17 @@ def _read_link(element: ET.Element, path: Path) -> UrdfLink:
     name = _attribute(element, "name", f"{path}, a <link>")
     where = f"{path}, link '{name}'"
     shapes = {
-        kind: tuple(_read_shape(e, f"{where}, <{kind}>") for e in element.findall(kind))
-        for kind in ("visual", "collision")
+        kind: tuple(_shape_or_problem(e, f"{where}, <{kind}>") for e in element.findall(kind))
+        for kind in GEOMETRIES
     }
     return UrdfLink(name, **shapes)
+
+
+def _shape_or_problem(element: ET.Element, where: str) -> Shape:
+    try:
+        return _read_shape(element, where)
+    except InputError as error:
+        return Shape("none", np.eye(4), (), None, where, error)
 
 
 def _read_shape(element: ET.Element, where: str) -> Shape:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._atomic import write_bytes, write_text
+from easyhecpp._paths import is_file, obstacle
 from easyhecpp.camera import Camera
 from easyhecpp.capture import Capture
 from easyhecpp.capture.config import JointUnits
@@ -153,7 +154,8 @@ def _knowledge(
     """What is known of the camera, and what to say about it."""
     if result is not None:
         return _from_result(contents, rig, result), ()
-    if not (contents.root / contents.config.joints).exists():
+    table = contents.root / contents.config.joints
+    if obstacle(table) is None and not is_file(table):
         return None, ("There are no views yet: these joint poses tell much from any side.",)
     if contents.views and not any(view.has_image or view.has_mask for view in contents.views):
         return None, ("No view has a picture or a mask: nothing is known of the camera yet.",)

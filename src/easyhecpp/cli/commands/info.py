@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from tyro.conf import Positional
 
 from easyhecpp.cli.output import say, say_json
+from easyhecpp.errors import InputError
+
+_ROBOT_SUFFIXES = (".urdf", ".xacro")
 
 
 @dataclass(frozen=True)
@@ -18,17 +21,56 @@ class Info:
     path: Positional[Path]
     """A .urdf or .xacro file, a capture's folder, or a result.json."""
 
+    package_dirs: tuple[Path, ...] = ()
+    """For a robot: folders that hold the packages of package:// names."""
+
+    ignore_links: tuple[str, ...] = ()
+    """For a robot: links whose geometry is left out."""
+
+    geometry: Literal["visual", "collision"] = "visual"
+    """For a robot: which geometry is read. What a capture takes stands in its capture.yaml."""
+
     json: bool = False
     """Print as JSON."""
 
     def run(self, command_line: str) -> int:
         """Look at what the path is and describe it."""
-        facts = _describe(self.path)
+        if self.path.suffix in _ROBOT_SUFFIXES:
+            facts = self._robot()
+        else:
+            self._refuse_robot_options()
+            facts = _describe(self.path)
         if self.json:
             say_json(facts)
         else:
             _show(facts)
         return 0
+
+    def _robot(self) -> dict[str, Any]:
+        from easyhecpp.robot import Robot, describe
+
+        robot = Robot.from_urdf(
+            self.path,
+            package_dirs=self.package_dirs,
+            ignore_links=self.ignore_links,
+            geometry=self.geometry,
+        )
+        return {"robot": asdict(describe(robot))}
+
+    def _refuse_robot_options(self) -> None:
+        given = {
+            "--package-dirs": self.package_dirs,
+            "--ignore-links": self.ignore_links,
+            "--geometry": self.geometry != "visual",
+        }
+        wrong = [name for name, value in given.items() if value]
+        if wrong:
+            raise InputError(
+                f"{', '.join(wrong)} is for a robot description",
+                where=self.path,
+                expected="a .urdf or .xacro file",
+                fix="Write the keys of these names into capture.yaml of a capture",
+            )
 
 
 def _describe(path: Path) -> dict[str, Any]:
@@ -37,13 +79,8 @@ def _describe(path: Path) -> dict[str, Any]:
 
         result = ResultFile.read(path)
         return result.model_dump(mode="json", by_alias=True)
-    from easyhecpp.robot.describe import describe
-
-    if path.suffix in (".urdf", ".xacro"):
-        from easyhecpp.robot import Robot
-
-        return {"robot": asdict(describe(Robot.from_urdf(path)))}
     from easyhecpp.capture import Capture
+    from easyhecpp.robot import describe
 
     capture = Capture.load(path)
     camera = capture.camera
