@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,11 +16,12 @@ from easyhecpp.models.weights import WeightsSpec, resolve
 if TYPE_CHECKING:
     import torch
 
-_log = logging.getLogger(__name__)
-
-# Checkpoints of older transformers versions may lack a buffer that newer ones fill themselves; a
-# checkpoint that lacks a layer would make masks of random numbers, silently.
-_MISSING_SHARE = 0.01
+# One matrix under two names in all of the SAM family. transformers 4 saved it under one of them, and
+# transformers 5 does not tie the two for SAM 2 and SAM 3. Nothing else may be missing.
+_SAME_TENSOR = (
+    "prompt_encoder.shared_embedding.positional_embedding",
+    "shared_image_embedding.positional_embedding",
+)
 _VOCABULARIES = ("tokenizer.json", "vocab.txt", "vocab.json")
 
 
@@ -45,7 +45,9 @@ class LoadedModel:
 def load(
     class_name: str, spec: WeightsSpec, weights: str | Path | None, runtime: Runtime, **config: Any
 ) -> LoadedModel:
-    """Load a model for inference.
+    """Load a model for inference, in float32 whatever precision its weights were saved in.
+
+    The runtime's precision is that of the computation, see ``Runtime.encoding``.
 
     Args:
         class_name: the model's class in transformers.
@@ -60,7 +62,7 @@ def load(
         MissingExtraError: torch or transformers is not installed.
     """
     feature = f"The model {spec.model}"
-    require("torch", "models", feature)
+    torch = require("torch", "models", feature)
     transformers = require("transformers", "models", feature)
     model_class = _find_class(transformers, class_name, spec)
     device = runtime.torch_device()
@@ -68,7 +70,11 @@ def load(
     try:
         with _quiet(transformers):
             model, info = model_class.from_pretrained(
-                str(folder), local_files_only=True, output_loading_info=True, **config
+                str(folder),
+                local_files_only=True,
+                output_loading_info=True,
+                dtype=torch.float32,
+                **config,
             )
     except Exception as error:  # safetensors, torch and transformers raise a dozen kinds
         raise _unreadable(spec, folder, str(error).strip().splitlines()[0]) from error
@@ -121,17 +127,21 @@ def _quiet(transformers: Any) -> Iterator[None]:
 
 
 def _refuse_holes(spec: WeightsSpec, folder: Path, model: Any, info: Any) -> None:
+    """Raises InputError for missing tensors: transformers has filled them with random numbers."""
     missing = set(info["missing_keys"]) | {key for key, *_ in info["mismatched_keys"]}
-    if not missing:
-        return
-    sizes = {name: tensor.numel() for name, tensor in model.named_parameters()}
-    absent = sum(sizes.get(name, 0) for name in missing)
-    example = sorted(missing)[0]
-    if absent > _MISSING_SHARE * sum(sizes.values()):
+    lost = missing.intersection(_SAME_TENSOR)
+    if len(lost) == 1:
+        (target,) = lost
+        (source,) = set(_SAME_TENSOR) - lost
+        tensors = model.state_dict()
+        tensors[target].copy_(tensors[source])
+        missing -= lost
+    if missing:
         raise _unreadable(
-            spec, folder, f"{len(missing)} of its tensors are missing or misshapen, e.g. {example}"
+            spec,
+            folder,
+            f"{len(missing)} of its tensors are missing or misshapen, e.g. {min(missing)}",
         )
-    _log.warning("%s: the checkpoint lacks %s and %d more", folder, example, len(missing) - 1)
 
 
 def _unreadable(spec: WeightsSpec, folder: Path, reason: str) -> InputError:
