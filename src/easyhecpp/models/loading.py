@@ -16,8 +16,8 @@ from easyhecpp.models.weights import WeightsSpec, resolve
 if TYPE_CHECKING:
     import torch
 
-# One matrix under two names in all of the SAM family. transformers 4 saved it under one of them, and
-# transformers 5 does not tie the two for SAM 2 and SAM 3. Nothing else may be missing.
+# One matrix under two names in all of the SAM family. transformers 4 saved it under one of them,
+# and transformers 5 does not tie the two for SAM 2 and SAM 3. Nothing else may be missing.
 _SAME_TENSOR = (
     "prompt_encoder.shared_embedding.positional_embedding",
     "shared_image_embedding.positional_embedding",
