@@ -131,5 +131,7 @@ def test_a_checkpoint_without_its_tokenizer(tiny, tmp_path):
     shutil.copytree(tiny("grounding_dino"), folder)
     for file in ("vocab.txt", "tokenizer.json", "tokenizer_config.json"):
         (folder / file).unlink(missing_ok=True)
-    with pytest.raises(InputError, match=r"Grounding DINO cannot be loaded: its tokenizer"):
+    with pytest.raises(
+        InputError, match=r"no checkpoint of Grounding DINO: its tokenizer is missing"
+    ):
         GroundingDino(folder)

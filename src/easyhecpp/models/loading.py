@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from easyhecpp._optional import require
 from easyhecpp.errors import InputError
+from easyhecpp.models.checkpoint import CLASSICAL, WeightsSpec
 from easyhecpp.models.runtime import Runtime
-from easyhecpp.models.weights import WeightsSpec, resolve
+from easyhecpp.models.weights import first_line, resolve
 
 if TYPE_CHECKING:
     import torch
@@ -22,7 +23,6 @@ _SAME_TENSOR = (
     "prompt_encoder.shared_embedding.positional_embedding",
     "shared_image_embedding.positional_embedding",
 )
-_VOCABULARIES = ("tokenizer.json", "vocab.txt", "vocab.json")
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,14 @@ class LoadedModel:
         model: the model itself.
         folder: holds the weights and what belongs to them.
         device: where the model is.
+        tokenizer: cuts text into what the model reads; None for a model that reads none.
     """
 
     name: str
     model: Any
     folder: Path
     device: torch.device
+    tokenizer: Any = None
 
 
 def load(
@@ -77,27 +79,21 @@ def load(
                 **config,
             )
     except Exception as error:  # safetensors, torch and transformers raise a dozen kinds
-        raise _unreadable(spec, folder, str(error).strip().splitlines()[0]) from error
-    _refuse_holes(spec, folder, model, info)
-    name = f"{spec.model} ({Path(weights or spec.default).name})"
-    return LoadedModel(name, model.eval().to(device), folder, device)
-
-
-def load_tokenizer(spec: WeightsSpec, folder: Path) -> Any:
-    """The tokenizer that lies beside a checkpoint's weights.
-
-    Raises:
-        InputError: there is none, or it cannot be read.
-    """
-    transformers = require("transformers", "models", f"The model {spec.model}")
-    # Without these, transformers makes a tokenizer that knows no word, and says nothing.
-    if not any((folder / file).is_file() for file in _VOCABULARIES):
-        raise _unreadable(spec, folder, f"its tokenizer is missing ({', '.join(_VOCABULARIES)})")
-    try:
-        return transformers.AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
-    except Exception as error:  # as above
-        reason = str(error).strip().splitlines()[0]
-        raise _unreadable(spec, folder, f"its tokenizer does not load: {reason}") from error
+        raise _unreadable(spec, weights, folder, first_line(error)) from error
+    holes = _holes(model, info)
+    if holes is not None:
+        raise _unreadable(spec, weights, folder, holes)
+    tokenizer = None
+    if spec.tokenizer:
+        try:
+            tokenizer = transformers.AutoTokenizer.from_pretrained(
+                str(folder), local_files_only=True
+            )
+        except Exception as error:  # as above
+            reason = f"its tokenizer does not load: {first_line(error)}"
+            raise _unreadable(spec, weights, folder, reason) from error
+    name = f"{spec.model} ({Path(spec.default if weights is None else weights).name})"
+    return LoadedModel(name, model.eval().to(device), folder, device, tokenizer)
 
 
 def _find_class(transformers: Any, class_name: str, spec: WeightsSpec) -> Any:
@@ -126,8 +122,8 @@ def _quiet(transformers: Any) -> Iterator[None]:
             logging_of.enable_progress_bar()
 
 
-def _refuse_holes(spec: WeightsSpec, folder: Path, model: Any, info: Any) -> None:
-    """Raises InputError for missing tensors: transformers has filled them with random numbers."""
+def _holes(model: Any, info: Any) -> str | None:
+    """Which tensors a checkpoint lacks, for transformers fills them with random numbers."""
     missing = set(info["missing_keys"]) | {key for key, *_ in info["mismatched_keys"]}
     lost = missing.intersection(_SAME_TENSOR)
     if len(lost) == 1:
@@ -136,19 +132,17 @@ def _refuse_holes(spec: WeightsSpec, folder: Path, model: Any, info: Any) -> Non
         tensors = model.state_dict()
         tensors[target].copy_(tensors[source])
         missing -= lost
-    if missing:
-        raise _unreadable(
-            spec,
-            folder,
-            f"{len(missing)} of its tensors are missing or misshapen, e.g. {min(missing)}",
-        )
+    if not missing:
+        return None
+    return f"{len(missing)} of its tensors are missing or misshapen, e.g. {min(missing)}"
 
 
-def _unreadable(spec: WeightsSpec, folder: Path, reason: str) -> InputError:
+def _unreadable(
+    spec: WeightsSpec, weights: str | Path | None, folder: Path, reason: str
+) -> InputError:
     return InputError(
         f"the checkpoint of {spec.model} cannot be loaded: {reason}",
         where=folder,
-        expected=f"what `{spec.fetch_command()}` puts there",
-        fix="fetch the weights again, or name another folder. "
-        "Or use --segmenter classical, which needs no weights",
+        expected=f"what `{spec.fetch_command(weights)}` puts there",
+        fix=f"fetch the weights again, or name another folder. {CLASSICAL}",
     )

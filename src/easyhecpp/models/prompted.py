@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._optional import require
+from easyhecpp.models.checkpoint import WeightsSpec, preprocessor_settings
 from easyhecpp.models.loading import load
 from easyhecpp.models.pixels import Frame, Preprocessing
 from easyhecpp.models.runtime import Runtime, inference
-from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
 from easyhecpp.segment.protocols import Prompts, ScoredMasks
 
 if TYPE_CHECKING:

@@ -127,7 +127,7 @@ def _pretrained(
     from easyhecpp.models.runtime import Runtime
     from easyhecpp.segment import AutoSam
 
-    registry.find(name)
+    registry.find(name, (AUTO, GIVEN, CLASSICAL))
     runtime = None if device is None else Runtime(device)
     loaded = registry.load(
         name, text_weights=text_weights, box_weights=box_weights, runtime=runtime

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.models.loading import load, load_tokenizer
+from easyhecpp.models.checkpoint import WeightsSpec, preprocessor_settings
+from easyhecpp.models.loading import load
 from easyhecpp.models.pixels import Preprocessing
 from easyhecpp.models.runtime import Runtime, inference
-from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
 from easyhecpp.segment.protocols import ScoredBoxes
 
 GROUNDING_DINO = WeightsSpec(
@@ -18,6 +18,7 @@ GROUNDING_DINO = WeightsSpec(
     "IDEA-Research/grounding-dino-base",
     ("grounding-dino",),
     option="--text-weights",
+    tokenizer=True,
 )
 
 _PREPROCESSING = Preprocessing("shortest", size=800, longest=1333)
@@ -58,7 +59,7 @@ class GroundingDino:
             disable_custom_kernels=True,
         )
         self._name, self.model, self.device = loaded.name, loaded.model, loaded.device
-        self.tokenizer = load_tokenizer(GROUNDING_DINO, loaded.folder)
+        self.tokenizer = loaded.tokenizer
         self.preprocessing = _PREPROCESSING.with_settings(preprocessor_settings(loaded.folder))
 
     @property
