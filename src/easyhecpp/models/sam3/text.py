@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from easyhecpp.models.checkpoint import WeightsSpec, preprocessor_settings
 from easyhecpp.models.loading import load
-from easyhecpp.models.runtime import Runtime, inference
+from easyhecpp.models.runtime import Runtime, inference, to_float64
 from easyhecpp.models.sam3.boxes import SAM3_PREPROCESSING
 from easyhecpp.segment.protocols import ScoredMasks
 
@@ -81,7 +81,7 @@ class Sam3Text:
             if len(order) == 0:
                 return ScoredMasks(np.zeros((0, *frame.image_size), dtype=bool), np.zeros(0))
             masks = frame.logits_to_image(output.pred_masks[0][order]) > 0
-        return ScoredMasks(masks.cpu().numpy(), scores[order].double().cpu().numpy())
+        return ScoredMasks(masks.cpu().numpy(), to_float64(scores[order]))
 
     def _tokens(self, text: str) -> dict[str, Any]:
         tokens = self.tokenizer(
