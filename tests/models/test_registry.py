@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from easyhecpp.errors import InputError
-from easyhecpp.models import registry, weights
+from easyhecpp.models import checkpoint, registry
 from easyhecpp.segment import Prompts
 
 
 def test_an_unknown_name_lists_those_that_exist():
     with pytest.raises(InputError) as caught:
-        registry.find("grounded_sam")
+        registry.find("grounded_sam", ("auto", "given", "classical"))
     text = str(caught.value)
     assert "unknown segmenter 'grounded_sam'" in text
     assert "did you mean grounded-sam?" in text
     for name in (*registry.names(), "auto", "given", "classical"):
         assert name in text
-    with pytest.raises(InputError, match="unknown segmenter 'yolo'"):
-        registry.load("yolo")
+    with pytest.raises(InputError) as caught:
+        registry.load("classical")
+    assert "unknown pretrained segmenter 'classical'. Expected: one of grou" in str(caught.value)
+    assert "auto" not in str(caught.value)
 
 
 def test_the_paper_s_pair_is_there_and_first():
@@ -35,8 +40,10 @@ def test_every_entry_names_a_loader_that_exists(name):
     entry = registry.find(name)
     for model in (entry.text, entry.boxes):
         if model is not None:
-            module = registry.import_module(f"easyhecpp.models.{model.module}")
-            assert callable(getattr(module, model.loader))
+            assert callable(model.loader)
+            assert model.spec.option == (
+                "--text-weights" if model is entry.text else "--box-weights"
+            )
 
 
 PAIRS = {
@@ -76,17 +83,41 @@ def test_what_is_missing_is_named_without_loading_or_network(tmp_path, monkeypat
 
 
 def test_auto_takes_the_first_pair_that_is_complete(tiny, monkeypatch):
-    have = {"IDEA-Research/grounding-dino-base", "facebook/sam2.1-hiera-large", "facebook/sam3"}
-    monkeypatch.setattr(registry, "on_disk", lambda name: name if name in have else None)
+    have = {
+        "IDEA-Research/grounding-dino-base": tiny("grounding_dino"),
+        "facebook/sam2.1-hiera-large": tiny("sam2"),
+        "facebook/sam3": tiny("sam3_video"),
+    }
+    find = checkpoint.find
+    monkeypatch.setattr(checkpoint, "find", lambda w: find(w) if Path(w).is_dir() else have.get(w))
     assert registry.first_ready() == "grounded-sam2"
-    have.remove("IDEA-Research/grounding-dino-base")
+    assert registry.first_ready(box_weights=tiny("sam")) == "grounded-sam"
+    del have["IDEA-Research/grounding-dino-base"]
     assert registry.first_ready() == "sam3"
-    have.add("facebook/sam-vit-huge")
+    have["facebook/sam-vit-huge"] = tiny("sam")
     assert registry.first_ready() == "sam3", "a box model alone cannot start"
+    assert registry.first_ready(text_weights=tiny("grounding_dino")) == "grounded-sam"
+    assert registry.first_ready(box_weights=tiny("sam_hq")) == "sam-hq", "unless it was named"
+    both = {"text_weights": tiny("grounding_dino"), "box_weights": tiny("sam_hq")}
+    assert registry.first_ready(**both) == "grounded-sam-hq"
+
+
+@pytest.mark.parametrize("lost", ["tokenizer.json", "model.safetensors", "config.json"])
+def test_a_pair_of_which_a_file_is_missing_is_not_ready(tiny, tmp_path, lost):
+    text = tmp_path / "dino"
+    shutil.copytree(tiny("grounding_dino"), text)
+    folders = {"text_weights": text, "box_weights": tiny("sam")}
+    (text / "vocab.txt").unlink()
+    assert registry.first_ready(**folders) == "grounded-sam"
+    (text / lost).unlink()
+    assert registry.first_ready(**folders) is None
+    (lacking,) = registry.missing("grounded-sam", **folders)
+    assert lacking.startswith(f"a part of the weights {text} (it")
+    assert lost.partition(".")[0] in lacking
 
 
 def test_without_the_extra_the_pip_line_is_what_is_missing(monkeypatch):
     monkeypatch.setattr(registry, "available", lambda package: False)
-    monkeypatch.setattr(weights, "available", lambda package: False)
+    monkeypatch.setattr(checkpoint, "available", lambda package: False)
     assert registry.missing("sam")[0] == 'the package torch (pip install "easyhecpp[models]")'
     assert registry.first_ready() is None

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from easyhecpp.errors import InputError
+from easyhecpp.models import runtime
 from easyhecpp.models.grounding_dino import GroundingDino
 from easyhecpp.models.grounding_dino.adapter import as_caption, to_pixels, without_duplicates
-from easyhecpp.models.runtime import Runtime
+from easyhecpp.models.runtime import Runtime, to_float64
 from easyhecpp.models.sam import load_sam
 from easyhecpp.models.sam3 import Sam3Text
 from easyhecpp.segment import GroundedSegmenter, RememberingSegmenter, TextDetector, TextSegmenter
@@ -119,11 +121,48 @@ def test_sam3_drops_what_scores_low(tiny, picture):
     assert answer.masks.shape == (0, *picture.shape[:2])
 
 
-def test_text_models_run_in_half_precision(tiny, picture):
-    half = Runtime("cpu", "bfloat16")
+@pytest.mark.parametrize("precision", ["bfloat16", "float16"])
+def test_text_models_run_in_half_precision(tiny, picture, precision):
+    half = Runtime("cpu", precision)
     found = GroundingDino(tiny("grounding_dino"), half, threshold=0.0).detect(picture, "robot arm")
     assert np.isfinite(found.boxes).all()
     assert len(Sam3Text(tiny("sam3"), half, threshold=0.0).segment(picture, "robot arm")) > 0
+
+
+def test_of_grounding_dino_only_the_image_encoder_runs_in_half_precision(tiny, picture):
+    dino = GroundingDino(tiny("grounding_dino"), Runtime("cpu", "bfloat16"), threshold=0.0)
+    seen = {}
+    for name, module in dino.model.named_modules():
+        if isinstance(module, torch.nn.Linear):
+            module.register_forward_hook(
+                lambda _, __, output, name=name: seen.update({name: output.dtype})
+            )
+    dino.detect(picture, "robot arm")
+    half = {name for name, dtype in seen.items() if dtype == torch.bfloat16}
+    assert half
+    assert all(name.startswith("model.backbone.conv_encoder.") for name in half)
+    assert seen["bbox_embed.1.layers.2"] == torch.float32
+
+
+def test_a_long_text_is_cut_to_what_the_model_reads(dino, sam3, picture):
+    for text in ("robot arm " * 40, "a"):
+        assert dino.detect(picture, text).boxes.shape[1:] == (4,)
+        assert sam3.segment(picture, text).masks.shape[1:] == picture.shape[:2]
+
+
+def test_numbers_leave_the_device_before_they_become_float64():
+    """MPS has no float64; a stand-in, for no machine of the tests has MPS."""
+
+    class OnMps:
+        def cpu(self):
+            return torch.tensor([0.5], dtype=torch.bfloat16)
+
+        def double(self):
+            raise TypeError("Cannot convert a MPS Tensor to float64 dtype")
+
+    assert to_float64(OnMps()).tolist() == [0.5]
+    sources = Path(runtime.__file__).parent.rglob("*.py")
+    assert sum(source.read_text().count(".double()") for source in sources) == 1
 
 
 def test_a_checkpoint_without_its_tokenizer(tiny, tmp_path):
@@ -131,5 +170,7 @@ def test_a_checkpoint_without_its_tokenizer(tiny, tmp_path):
     shutil.copytree(tiny("grounding_dino"), folder)
     for file in ("vocab.txt", "tokenizer.json", "tokenizer_config.json"):
         (folder / file).unlink(missing_ok=True)
-    with pytest.raises(InputError, match=r"Grounding DINO cannot be loaded: its tokenizer"):
+    with pytest.raises(
+        InputError, match=r"no checkpoint of Grounding DINO: its tokenizer is missing"
+    ):
         GroundingDino(folder)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
+from fnmatch import fnmatch
 
 import pytest
 
 from easyhecpp import _optional
 from easyhecpp.errors import InputError, MissingExtraError
-from easyhecpp.models import weights
+from easyhecpp.models import checkpoint
+from easyhecpp.models.checkpoint import WeightsSpec, on_disk, preprocessor_settings
+from easyhecpp.models.grounding_dino import GROUNDING_DINO
 from easyhecpp.models.prompted import PromptedSegmenter
 from easyhecpp.models.sam import SAM, load_sam
-from easyhecpp.models.weights import WeightsSpec, offline, on_disk, preprocessor_settings, resolve
+from easyhecpp.models.weights import fetch, offline, resolve
 
 hub = pytest.importorskip("huggingface_hub", reason="needs the extra 'models'")
 
@@ -63,9 +67,9 @@ def test_a_folder_is_taken_as_it_is(tiny, cache, monkeypatch):
 
 def test_weights_in_the_cache_need_no_network(cache, monkeypatch):
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    assert on_disk(SPEC.default) is None
+    assert on_disk(SPEC, SPEC.default) is None
     snapshot = put_in_cache(cache, SPEC.default, WHOLE)
-    assert on_disk(SPEC.default) == snapshot
+    assert on_disk(SPEC, SPEC.default) == snapshot
     assert resolve(SPEC) == snapshot
 
 
@@ -73,14 +77,14 @@ def test_weights_in_several_files_count_when_all_are_there(cache):
     index = json.dumps({"weight_map": {"a": "one.safetensors", "b": "two.safetensors"}})
     files = {"config.json": CONFIG, "model.safetensors.index.json": index, "one.safetensors": "x"}
     put_in_cache(cache, SPEC.default, files)
-    assert on_disk(SPEC.default) is None
+    assert on_disk(SPEC, SPEC.default) is None
     snapshot = put_in_cache(cache, SPEC.default, {"two.safetensors": "x"})
-    assert on_disk(SPEC.default) == snapshot
+    assert on_disk(SPEC, SPEC.default) == snapshot
 
 
 def test_half_a_download_is_not_on_disk(cache):
     put_in_cache(cache, SPEC.default, {"config.json": CONFIG})
-    assert on_disk(SPEC.default) is None
+    assert on_disk(SPEC, SPEC.default) is None
 
 
 @pytest.mark.parametrize("switch", ["HF_HUB_OFFLINE", "TRANSFORMERS_OFFLINE"])
@@ -107,20 +111,61 @@ def _http_error(kind):
     return kind("denied", response=response)
 
 
-def test_a_download_that_fails_is_told_in_the_same_words(cache, monkeypatch):
-    def unreachable(name, **_):
-        raise hub.errors.LocalEntryNotFoundError("cannot reach the hub.\nmore")
+def _failures():
+    import httpx
 
-    monkeypatch.setattr(hub, "snapshot_download", unreachable)
-    with pytest.raises(InputError, match=r"cannot be fetched: cannot reach the hub\. .*classical"):
-        resolve(SPEC)
+    yield hub.errors.LocalEntryNotFoundError("cannot reach the hub.\nmore"), "cannot reach the hub"
+    yield ConnectionError(), "ConnectionError"
+    yield OSError(28, "No space left on device"), r"\[Errno 28\] No space left on device"
+    yield httpx.ProxyError("407 Proxy Authentication Required"), "407 Proxy Authentication Required"
+    yield httpx.ReadTimeout(""), "ReadTimeout"
+    for package, kind in (("httpx2", "ProxyError"), ("httpx2", "RemoteProtocolError")):
+        try:
+            yield getattr(__import__(package), kind)("torn"), "torn"
+        except ImportError:  # the package of only some versions of the hub's client
+            continue
+    if hasattr(hub.errors, "XetDownloadError"):
+        yield hub.errors.XetDownloadError("xet is down"), "xet is down"
 
-    def refused(name, **_):
-        raise ConnectionError
 
-    monkeypatch.setattr(hub, "snapshot_download", refused)
-    with pytest.raises(InputError, match="cannot be fetched: ConnectionError"):
+@pytest.mark.parametrize(
+    ("error", "reason"), list(_failures()), ids=lambda value: type(value).__name__
+)
+def test_a_download_that_fails_is_told_in_the_same_words(cache, monkeypatch, error, reason):
+    def fail(name, **_):
+        raise error
+
+    monkeypatch.setattr(hub, "snapshot_download", fail)
+    with pytest.raises(InputError) as caught:
         resolve(SPEC, "facebook/sam-vit-base")
+    assert re.search(f"cannot be fetched: {reason}\\. .*classical", str(caught.value))
+    assert "`hf download facebook/sam-vit-base --include" in str(caught.value)
+
+
+def test_all_that_cannot_be_had_is_told_at_once(cache, monkeypatch):
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    mine = "lab/dino"
+    put_in_cache(
+        cache, mine, {**WHOLE, "config.json": json.dumps({"model_type": "grounding-dino"})}
+    )
+    with pytest.raises(InputError) as caught:
+        fetch([(GROUNDING_DINO, mine), (SPEC, SPEC.default)])
+    text = str(caught.value)
+    assert "lab/dino of Grounding DINO (in the cache, but its tokenizer is missing" in text
+    assert "and facebook/sam-vit-huge of SAM are not on this disk" in text
+    assert "`hf download lab/dino --include '*.json'" in text
+    assert "--include 'pytorch_model*.bin' --local-dir dino` and `hf download facebook/s" in text
+    assert "copy the folders here and give them as --text-weights and --box-weights" in text
+
+
+def test_weights_that_serve_two_models_are_named_once(cache, monkeypatch):
+    from easyhecpp.models.sam3 import SAM3_BOXES, SAM3_TEXT
+
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    with pytest.raises(InputError) as caught:
+        fetch([(spec, "facebook/sam3") for spec in (SAM3_TEXT, SAM3_BOXES.weights)])
+    assert str(caught.value).count("hf download") == 1
+    assert "give it as --text-weights and --box-weights" in str(caught.value)
 
 
 def test_gated_weights_are_called_gated(cache, monkeypatch):
@@ -161,6 +206,25 @@ def test_a_download_fetches_no_second_copy_of_the_weights(cache, monkeypatch):
     assert asked["name"] == "facebook/sam-vit-huge"
     assert "*.safetensors" in asked["allow_patterns"]
     assert not any("bin" in p or ".pt" in p for p in asked["allow_patterns"])
+
+
+def test_weights_that_exist_only_pickled_are_fetched(cache, monkeypatch):
+    there = {"config.json": CONFIG, "pytorch_model.bin": "x", "training_args.bin": "x"}
+
+    def download(name, allow_patterns):
+        some = {f: c for f, c in there.items() if any(fnmatch(f, p) for p in allow_patterns)}
+        return str(put_in_cache(cache, name, some))
+
+    monkeypatch.setattr(hub, "snapshot_download", download)
+    folder = resolve(SPEC, "lab/sam-tuned")
+    assert sorted(p.name for p in folder.iterdir()) == ["config.json", "pytorch_model.bin"]
+
+    there.pop("pytorch_model.bin")
+    with pytest.raises(InputError) as caught:
+        resolve(SPEC, "lab/sam-broken")
+    assert "it has no model.safetensors" in str(caught.value)
+    assert "hf download lab/sam-broken --include" in str(caught.value)
+    assert "huge" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["./weights", "/nowhere/sam", "~/none", "sam", "a/b/c"])
@@ -206,16 +270,6 @@ def test_a_torn_checkpoint_is_not_run_with_random_numbers(tiny, tmp_path):
         load_sam(folder)
 
 
-def test_weights_of_another_size_than_their_config(tiny, tmp_path):
-    folder = tmp_path / "sam"
-    shutil.copytree(tiny("sam"), folder)
-    config = json.loads((folder / "config.json").read_text())
-    config["mask_decoder_config"]["mlp_dim"] = 24
-    (folder / "config.json").write_text(json.dumps(config))
-    with pytest.raises(InputError, match="checkpoint of SAM cannot be loaded: "):
-        load_sam(folder)
-
-
 @pytest.mark.parametrize("file", ["preprocessor_config.json", "processor_config.json"])
 def test_settings_are_found_where_old_and_new_versions_put_them(tmp_path, file):
     assert preprocessor_settings(tmp_path) == {}
@@ -223,6 +277,26 @@ def test_settings_are_found_where_old_and_new_versions_put_them(tmp_path, file):
     nested = {"image_processor": settings} if file.startswith("processor") else settings
     (tmp_path / file).write_text(json.dumps(nested))
     assert preprocessor_settings(tmp_path)["image_mean"] == [0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ('{"image_mean": "x"}', "its image_mean is 'x'"),
+        ('{"image_mean": [0.5, 0.5]}', "its image_mean is "),
+        ('{"image_std": [0.5, 0, 0.5]}', "its image_std is "),
+        ('{"image_std": [0.5, null, 0.5]}', "its image_std is "),
+        ('{"image_mean": [0.5', "it is not a JSON object"),
+    ],
+)
+def test_broken_settings_are_said(tiny, tmp_path, content, reason):
+    folder = tmp_path / "sam"
+    shutil.copytree(tiny("sam"), folder)
+    (folder / "preprocessor_config.json").write_text(content)
+    with pytest.raises(InputError, match="settings of the image processor cannot") as caught:
+        load_sam(folder)
+    assert reason in str(caught.value)
+    assert str(folder / "preprocessor_config.json") in str(caught.value)
 
 
 @pytest.mark.parametrize("package", ["torch", "transformers"])
@@ -251,5 +325,5 @@ def test_a_transformers_too_old_for_the_model_is_said(tiny):
 
 
 def test_without_the_extra_nothing_is_on_disk(monkeypatch):
-    monkeypatch.setattr(weights, "available", lambda module: False)
-    assert on_disk("facebook/sam-vit-huge") is None
+    monkeypatch.setattr(checkpoint, "available", lambda module: False)
+    assert on_disk(SPEC, "facebook/sam-vit-huge") is None

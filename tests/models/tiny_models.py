@@ -6,6 +6,7 @@ The code that runs is the real one of transformers; only the numbers in it mean 
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import torch
@@ -243,4 +244,24 @@ def save_sam3_video(folder: Path) -> Path:
         for name, tensor in load_file(file).items()
     }
     save_file(tensors, file, metadata={"format": "pt"})
+    return folder
+
+
+def in_half(source: Path, folder: Path, dtype: torch.dtype) -> Path:
+    """A copy of a checkpoint with its weights in half precision, as fine-tuned ones are saved."""
+    shutil.copytree(source, folder)
+    file = folder / "model.safetensors"
+    tensors = {name: tensor.to(dtype) for name, tensor in load_file(file).items()}
+    save_file(tensors, file, metadata={"format": "pt"})
+    config = json.loads((folder / "config.json").read_text())
+    (folder / "config.json").write_text(json.dumps(config | {"dtype": str(dtype)[6:]}))
+    return folder
+
+
+def without(source: Path, folder: Path, *prefixes: str) -> Path:
+    """A copy of a checkpoint that lacks the tensors whose names begin so."""
+    shutil.copytree(source, folder)
+    file = folder / "model.safetensors"
+    kept = {n: tensor for n, tensor in load_file(file).items() if not n.startswith(prefixes)}
+    save_file(kept, file, metadata={"format": "pt"})
     return folder

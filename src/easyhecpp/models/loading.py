@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,18 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 from easyhecpp._optional import require
 from easyhecpp.errors import InputError
+from easyhecpp.models.checkpoint import CLASSICAL, WeightsSpec
 from easyhecpp.models.runtime import Runtime
-from easyhecpp.models.weights import WeightsSpec, resolve
+from easyhecpp.models.weights import first_line, resolve
 
 if TYPE_CHECKING:
     import torch
 
-_log = logging.getLogger(__name__)
-
-# Checkpoints of older transformers versions may lack a buffer that newer ones fill themselves; a
-# checkpoint that lacks a layer would make masks of random numbers, silently.
-_MISSING_SHARE = 0.01
-_VOCABULARIES = ("tokenizer.json", "vocab.txt", "vocab.json")
+# One matrix under two names in all of the SAM family. transformers 4 saved it under one of them,
+# and transformers 5 does not tie the two for SAM 2 and SAM 3. Nothing else may be missing.
+_SAME_TENSOR = (
+    "prompt_encoder.shared_embedding.positional_embedding",
+    "shared_image_embedding.positional_embedding",
+)
 
 
 @dataclass(frozen=True)
@@ -34,18 +34,22 @@ class LoadedModel:
         model: the model itself.
         folder: holds the weights and what belongs to them.
         device: where the model is.
+        tokenizer: cuts text into what the model reads; None for a model that reads none.
     """
 
     name: str
     model: Any
     folder: Path
     device: torch.device
+    tokenizer: Any = None
 
 
 def load(
     class_name: str, spec: WeightsSpec, weights: str | Path | None, runtime: Runtime, **config: Any
 ) -> LoadedModel:
-    """Load a model for inference.
+    """Load a model for inference, in float32 whatever precision its weights were saved in.
+
+    The runtime's precision is that of the computation, see ``Runtime.encoding``.
 
     Args:
         class_name: the model's class in transformers.
@@ -60,7 +64,7 @@ def load(
         MissingExtraError: torch or transformers is not installed.
     """
     feature = f"The model {spec.model}"
-    require("torch", "models", feature)
+    torch = require("torch", "models", feature)
     transformers = require("transformers", "models", feature)
     model_class = _find_class(transformers, class_name, spec)
     device = runtime.torch_device()
@@ -68,30 +72,28 @@ def load(
     try:
         with _quiet(transformers):
             model, info = model_class.from_pretrained(
-                str(folder), local_files_only=True, output_loading_info=True, **config
+                str(folder),
+                local_files_only=True,
+                output_loading_info=True,
+                dtype=torch.float32,
+                **config,
             )
     except Exception as error:  # safetensors, torch and transformers raise a dozen kinds
-        raise _unreadable(spec, folder, str(error).strip().splitlines()[0]) from error
-    _refuse_holes(spec, folder, model, info)
-    name = f"{spec.model} ({Path(weights or spec.default).name})"
-    return LoadedModel(name, model.eval().to(device), folder, device)
-
-
-def load_tokenizer(spec: WeightsSpec, folder: Path) -> Any:
-    """The tokenizer that lies beside a checkpoint's weights.
-
-    Raises:
-        InputError: there is none, or it cannot be read.
-    """
-    transformers = require("transformers", "models", f"The model {spec.model}")
-    # Without these, transformers makes a tokenizer that knows no word, and says nothing.
-    if not any((folder / file).is_file() for file in _VOCABULARIES):
-        raise _unreadable(spec, folder, f"its tokenizer is missing ({', '.join(_VOCABULARIES)})")
-    try:
-        return transformers.AutoTokenizer.from_pretrained(str(folder), local_files_only=True)
-    except Exception as error:  # as above
-        reason = str(error).strip().splitlines()[0]
-        raise _unreadable(spec, folder, f"its tokenizer does not load: {reason}") from error
+        raise _unreadable(spec, weights, folder, first_line(error)) from error
+    holes = _holes(model, info)
+    if holes is not None:
+        raise _unreadable(spec, weights, folder, holes)
+    tokenizer = None
+    if spec.tokenizer:
+        try:
+            tokenizer = transformers.AutoTokenizer.from_pretrained(
+                str(folder), local_files_only=True
+            )
+        except Exception as error:  # as above
+            reason = f"its tokenizer does not load: {first_line(error)}"
+            raise _unreadable(spec, weights, folder, reason) from error
+    name = f"{spec.model} ({Path(spec.default if weights is None else weights).name})"
+    return LoadedModel(name, model.eval().to(device), folder, device, tokenizer)
 
 
 def _find_class(transformers: Any, class_name: str, spec: WeightsSpec) -> Any:
@@ -120,25 +122,27 @@ def _quiet(transformers: Any) -> Iterator[None]:
             logging_of.enable_progress_bar()
 
 
-def _refuse_holes(spec: WeightsSpec, folder: Path, model: Any, info: Any) -> None:
+def _holes(model: Any, info: Any) -> str | None:
+    """Which tensors a checkpoint lacks, for transformers fills them with random numbers."""
     missing = set(info["missing_keys"]) | {key for key, *_ in info["mismatched_keys"]}
+    lost = missing.intersection(_SAME_TENSOR)
+    if len(lost) == 1:
+        (target,) = lost
+        (source,) = set(_SAME_TENSOR) - lost
+        tensors = model.state_dict()
+        tensors[target].copy_(tensors[source])
+        missing -= lost
     if not missing:
-        return
-    sizes = {name: tensor.numel() for name, tensor in model.named_parameters()}
-    absent = sum(sizes.get(name, 0) for name in missing)
-    example = sorted(missing)[0]
-    if absent > _MISSING_SHARE * sum(sizes.values()):
-        raise _unreadable(
-            spec, folder, f"{len(missing)} of its tensors are missing or misshapen, e.g. {example}"
-        )
-    _log.warning("%s: the checkpoint lacks %s and %d more", folder, example, len(missing) - 1)
+        return None
+    return f"{len(missing)} of its tensors are missing or misshapen, e.g. {min(missing)}"
 
 
-def _unreadable(spec: WeightsSpec, folder: Path, reason: str) -> InputError:
+def _unreadable(
+    spec: WeightsSpec, weights: str | Path | None, folder: Path, reason: str
+) -> InputError:
     return InputError(
         f"the checkpoint of {spec.model} cannot be loaded: {reason}",
         where=folder,
-        expected=f"what `{spec.fetch_command()}` puts there",
-        fix="fetch the weights again, or name another folder. "
-        "Or use --segmenter classical, which needs no weights",
+        expected=f"what `{spec.fetch_command(weights)}` puts there",
+        fix=f"fetch the weights again, or name another folder. {CLASSICAL}",
     )

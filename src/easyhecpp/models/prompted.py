@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._optional import require
+from easyhecpp.models.checkpoint import WeightsSpec, preprocessor_settings
 from easyhecpp.models.loading import load
 from easyhecpp.models.pixels import Frame, Preprocessing
-from easyhecpp.models.runtime import Runtime, inference
-from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
+from easyhecpp.models.runtime import Runtime, inference, to_float64
 from easyhecpp.segment.protocols import Prompts, ScoredMasks
 
 if TYPE_CHECKING:
@@ -123,7 +123,7 @@ class PromptedImage:
             best_score, best = scores.float().max(dim=1)
             best_logits = logits[torch.arange(len(best), device=best.device), best]
             masks = self.frame.logits_to_image(best_logits) > 0
-        return masks.cpu().numpy(), best_score.double().cpu().numpy()
+        return masks.cpu().numpy(), to_float64(best_score)
 
 
 def _prompt_tensors(prompts: Prompts, frame: Frame, device: torch.device) -> dict[str, Any]:

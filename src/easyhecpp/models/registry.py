@@ -7,21 +7,25 @@ makes masks at a known pose, not from nothing.
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from easyhecpp._optional import available
+from easyhecpp._optional import available, require
 from easyhecpp.errors import InputError
+from easyhecpp.models import checkpoint
+from easyhecpp.models.checkpoint import WeightsSpec
+from easyhecpp.models.grounding_dino import GROUNDING_DINO, GroundingDino
 from easyhecpp.models.runtime import Runtime
-from easyhecpp.models.weights import on_disk
+from easyhecpp.models.sam import SAM, load_sam
+from easyhecpp.models.sam2 import SAM2, load_sam2
+from easyhecpp.models.sam3 import SAM3_BOXES, SAM3_TEXT, Sam3Text, load_sam3
+from easyhecpp.models.sam_hq import SAM_HQ, load_sam_hq
+from easyhecpp.models.weights import fetch
 from easyhecpp.segment.encoding import RememberingSegmenter
 from easyhecpp.segment.grounded import GroundedSegmenter
 from easyhecpp.segment.protocols import PromptableSegmenter, TextSegmenter
-
-# Segmenters that are not pretrained models: the session knows them, the error text lists them.
-OTHER_SEGMENTERS = ("auto", "given", "classical")
 
 
 @dataclass(frozen=True)
@@ -29,16 +33,14 @@ class ModelEntry:
     """One pretrained model.
 
     Attributes:
-        module: where its adapter lives.
-        loader: what to call there with (weights, runtime).
-        weights: default name on the hub.
-        gated: whether the hub asks for an accepted licence.
+        spec: what it loads.
+        loader: what to call with (weights, runtime).
+        weights: name on the hub.
     """
 
-    module: str
-    loader: str
+    spec: WeightsSpec
+    loader: Callable[[str | Path | None, Runtime | None], Any]
     weights: str
-    gated: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,18 +76,18 @@ class LoadedSegmenter:
 
 
 def _sam(size: str) -> ModelEntry:
-    return ModelEntry("sam", "load_sam", f"facebook/sam-vit-{size}")
+    return ModelEntry(SAM.weights, load_sam, f"facebook/sam-vit-{size}")
 
 
 def _sam2(size: str) -> ModelEntry:
-    return ModelEntry("sam2", "load_sam2", f"facebook/sam2.1-hiera-{size}")
+    return ModelEntry(SAM2.weights, load_sam2, f"facebook/sam2.1-hiera-{size}")
 
 
-_DINO = ModelEntry("grounding_dino", "GroundingDino", "IDEA-Research/grounding-dino-base")
-_DINO_TINY = ModelEntry("grounding_dino", "GroundingDino", "IDEA-Research/grounding-dino-tiny")
-_SAM_HQ = ModelEntry("sam_hq", "load_sam_hq", "syscv-community/sam-hq-vit-huge")
-_SAM3_TEXT = ModelEntry("sam3", "Sam3Text", "facebook/sam3", gated=True)
-_SAM3 = ModelEntry("sam3", "load_sam3", "facebook/sam3", gated=True)
+_DINO = ModelEntry(GROUNDING_DINO, GroundingDino, "IDEA-Research/grounding-dino-base")
+_DINO_TINY = ModelEntry(GROUNDING_DINO, GroundingDino, "IDEA-Research/grounding-dino-tiny")
+_SAM_HQ = ModelEntry(SAM_HQ.weights, load_sam_hq, SAM_HQ.weights.default)
+_SAM3_TEXT = ModelEntry(SAM3_TEXT, Sam3Text, SAM3_TEXT.default)
+_SAM3 = ModelEntry(SAM3_BOXES.weights, load_sam3, SAM3_BOXES.weights.default)
 
 # In the order in which `auto` looks for weights on the disk: the paper's pair first.
 SEGMENTERS = {
@@ -113,18 +115,22 @@ def names() -> tuple[str, ...]:
     return tuple(SEGMENTERS)
 
 
-def find(name: str) -> SegmenterEntry:
+def find(name: str, others: Sequence[str] = ()) -> SegmenterEntry:
     """The segmenter of a name.
+
+    Args:
+        name: one of ``names()``.
+        others: names that would be right as well where the user gave this one, for the error.
 
     Raises:
         InputError: there is none; the text lists all.
     """
     if name in SEGMENTERS:
         return SEGMENTERS[name]
-    known = (*OTHER_SEGMENTERS, *SEGMENTERS)
+    known = (*others, *SEGMENTERS)
     close = difflib.get_close_matches(name.lower().replace("_", "-"), known, n=1)
     raise InputError(
-        f"unknown segmenter {name!r}",
+        f"unknown {'' if others else 'pretrained '}segmenter {name!r}",
         expected=f"one of {', '.join(known)}",
         fix=f"did you mean {close[0]}?" if close else None,
     )
@@ -151,12 +157,20 @@ def load(
         InputError: unknown name; weights that cannot be had or read.
         MissingExtraError: torch or transformers is not installed.
     """
-    entry = find(name)
-    boxes = RememberingSegmenter(_load(entry.boxes, box_weights, runtime))
+    entry = find(name) if with_text else replace(find(name), text=None)
+    runtime = runtime or Runtime()
+    # Before gigabytes are fetched.
+    runtime.torch_device()
+    require("transformers", "models", f"The segmenter {name}")
+    wanted = _models(entry, text_weights, box_weights)
+    fetch([(model.spec, weights) for model, weights in wanted])
+    *text_models, boxes = (model.loader(weights, runtime) for model, weights in wanted)
+    boxes = RememberingSegmenter(boxes)
     text = None
-    if entry.text is not None and with_text:
-        model = _load(entry.text, text_weights, runtime)
-        text = GroundedSegmenter(model, boxes) if entry.text_gives_boxes else model
+    if text_models:
+        text = (
+            GroundedSegmenter(text_models[0], boxes) if entry.text_gives_boxes else text_models[0]
+        )
     return LoadedSegmenter(name, text, boxes)
 
 
@@ -173,27 +187,46 @@ def missing(
     Raises:
         InputError: unknown name.
     """
-    entry = find(name)
     lacking = [
         f'the package {package} (pip install "easyhecpp[models]")'
         for package in ("torch", "transformers")
         if not available(package)
     ]
-    for model, weights in ((entry.text, text_weights), (entry.boxes, box_weights)):
-        if model is not None and on_disk(weights or model.weights) is None:
-            gated = " (gated)" if model.gated and weights is None else ""
-            lacking.append(f"the weights {weights or model.weights}{gated}")
+    for model, weights in _models(find(name), text_weights, box_weights):
+        folder = checkpoint.find(weights)
+        problem = None if folder is None else checkpoint.problem(model.spec, folder)
+        if folder is None:
+            gated = " (gated)" if model.spec.gated and weights == model.spec.default else ""
+            lacking.append(f"the weights {weights}{gated}")
+        elif problem is not None:
+            lacking.append(f"a part of the weights {weights} ({problem})")
     return tuple(dict.fromkeys(lacking))
 
 
-def first_ready() -> str | None:
-    """The first segmenter, text model included, that runs on this machine without a download."""
+def first_ready(
+    *, text_weights: str | Path | None = None, box_weights: str | Path | None = None
+) -> str | None:
+    """The first segmenter that runs on this machine without a download.
+
+    One without a text model counts only where weights were named for its box model alone: nobody
+    has asked for it otherwise.
+
+    Args:
+        text_weights: weights that must be among those it runs with.
+        box_weights: the same for the box model.
+    """
+    alone = box_weights is not None and text_weights is None
     for name, entry in SEGMENTERS.items():
-        if entry.text is not None and not missing(name):
+        if entry.text is None and not alone:
+            continue
+        if not missing(name, text_weights=text_weights, box_weights=box_weights):
             return name
     return None
 
 
-def _load(entry: ModelEntry, weights: str | Path | None, runtime: Runtime | None) -> Any:
-    module = import_module(f"easyhecpp.models.{entry.module}")
-    return getattr(module, entry.loader)(weights or entry.weights, runtime)
+def _models(
+    entry: SegmenterEntry, text_weights: str | Path | None, box_weights: str | Path | None
+) -> list[tuple[ModelEntry, str | Path]]:
+    """A segmenter's models, the box model last, and the weights that each is to have."""
+    models = ((entry.text, text_weights), (entry.boxes, box_weights))
+    return [(m, m.weights if weights is None else weights) for m, weights in models if m]

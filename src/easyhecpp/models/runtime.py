@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from easyhecpp._optional import require
 from easyhecpp.errors import CalibrationError, InputError
@@ -14,15 +18,16 @@ if TYPE_CHECKING:
     import torch
 
 PRECISIONS = ("float32", "bfloat16", "float16")
+_DEVICE = re.compile(r"auto|cpu|mps|cuda(:\d+)?|xpu(:\d+)?")
 
 
 @dataclass(frozen=True)
 class Runtime:
     """Device and precision of a model.
 
-    Only the image encoder, which takes nearly all of the time, runs in the chosen precision. What
-    handles coordinates (prompts, mask decoder) stays in float32: bfloat16 holds a coordinate of a
-    1024 px input to 4 px only.
+    Only the image encoder, which takes most of the time, runs in the chosen precision. What handles
+    coordinates (prompts, mask decoder, Grounding DINO's transformer and box heads) stays in
+    float32: bfloat16 holds a coordinate of a 1024 px input to 4 px only.
 
     Attributes:
         device: ``auto`` (CUDA when there is one, else the CPU), ``cpu``, ``cuda``, ``cuda:1``,
@@ -34,6 +39,12 @@ class Runtime:
     precision: str = "float32"
 
     def __post_init__(self) -> None:
+        if not _DEVICE.fullmatch(self.device):
+            raise InputError(
+                f"unknown device {self.device!r}",
+                expected="auto, cpu, cuda, cuda:1 or mps",
+                fix="auto takes CUDA where there is one, else the CPU",
+            )
         if self.precision not in PRECISIONS:
             raise InputError(
                 f"unknown precision {self.precision!r}",
@@ -85,6 +96,11 @@ def inference(model: str) -> Iterator[None]:
             f"{model} ran out of the GPU's memory. Take a smaller model, close what else uses the "
             "GPU, or run it on the CPU (device cpu)."
         ) from error
+
+
+def to_float64(tensor: torch.Tensor) -> NDArray[np.float64]:
+    """A tensor of any device as a float64 array; by way of the CPU, for MPS has no float64."""
+    return tensor.cpu().double().numpy()
 
 
 def _devices(torch: Any) -> list[str]:

@@ -18,7 +18,6 @@ from easyhecpp.segment.prompts import (
 )
 from easyhecpp.segment.protocols import (
     CaptureMasks,
-    EncodedImage,
     FloatArray,
     PoseBelief,
     PromptableSegmenter,
@@ -29,6 +28,8 @@ from easyhecpp.segment.protocols import (
     require_usable,
 )
 from easyhecpp.segment.text import FirstPose, masks_from_text
+
+DEFAULT_TEXT = "robot arm"
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class AutoSamConfig:
 
     variant: str = DEFAULT_VARIANT
     unknown_error_px: float = 10.0
-    text: str = "robot arm"
+    text: str = DEFAULT_TEXT
     judge: JudgeConfig = field(default_factory=JudgeConfig)
 
 
@@ -176,13 +177,6 @@ def predict(
         )
     prior = Prior(renderer.visible_links(Ts_cam_link), robot.link_names, padding.max(axis=1))
     return Prediction(renderer.boxes(Ts_cam_link), prior, padding, robot.link_parents)
-
-
-def union_of(encoded: EncodedImage, asked: ArmPrompts) -> ScoredMasks:
-    """The masks of all prompts of a view, none when there is nothing to ask."""
-    if asked.prompts is None:
-        return ScoredMasks(np.zeros((0, *encoded.size), dtype=bool), np.zeros(0))
-    return encoded.predict(asked.prompts)
 
 
 def _needs_pose(name: str) -> InputError:

@@ -15,7 +15,7 @@ from easyhecpp.formats.result_blocks import RefinedParameter, RobotBlock, ViewRe
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
 from easyhecpp.session.from_masks import calibrate_from_masks
-from easyhecpp.session.masks import ChosenSource, choose_source
+from easyhecpp.session.masks import ChosenSource, PretrainedConfig, choose_source
 from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
 from easyhecpp.session.refinement import refine
 from easyhecpp.session.stages import Progress, Stages
@@ -38,9 +38,7 @@ class CalibrationConfig:
             pretrained segmenter.
         first_pose: ``sphere`` searches all around the arm; ``paper`` the paper's grid at 1 m.
         edges: Whether the outline is fitted to the image's own edges after the masks.
-        text_weights: Folder or hub name in place of the text model's own weights.
-        box_weights: The same for the box model.
-        device: Where pretrained models run; None lets them choose.
+        pretrained: Settings of pretrained segmenters, where one of them makes the masks.
         refine: Intrinsics and joint zeros to refine with the pose, see
             `easyhecpp.solve.nuisance.read_priors`; none unless asked for.
         solve: Settings of the pose optimisation.
@@ -49,9 +47,7 @@ class CalibrationConfig:
     segmenter: str = "auto"
     first_pose: Literal["sphere", "paper"] = "sphere"
     edges: bool = True
-    text_weights: str | None = None
-    box_weights: str | None = None
-    device: str | None = None
+    pretrained: PretrainedConfig = field(default_factory=PretrainedConfig)
     refine: tuple[str, ...] = ()
     solve: SolveConfig = field(default_factory=SolveConfig)
 
@@ -112,13 +108,7 @@ def calibrate(
     with stages.stage("pictures", "reading the pictures"):
         check_decodable(capture)
     with stages.stage("masks", "choosing where masks come from"):
-        chosen = choose_source(
-            config.segmenter,
-            capture,
-            text_weights=config.text_weights,
-            box_weights=config.box_weights,
-            device=config.device,
-        )
+        chosen = choose_source(config.segmenter, capture, config.pretrained)
     if chosen.source is None:
         outcome = calibrate_classically(capture, stages, config=config.solve, edges=config.edges)
     else:

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from easyhecpp._optional import available
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
+from easyhecpp.segment.autosam import DEFAULT_TEXT
+from easyhecpp.segment.prompts import DEFAULT_VARIANT, find_variant
 from easyhecpp.segment.protocols import (
     CaptureMasks,
     MaskSource,
@@ -15,7 +19,49 @@ from easyhecpp.segment.protocols import (
     image_of,
 )
 
+if TYPE_CHECKING:
+    from easyhecpp.models.runtime import Runtime
+
 GIVEN, CLASSICAL, AUTO = "given", "classical", "auto"
+_OTHERS = (AUTO, GIVEN, CLASSICAL)
+
+
+@dataclass(frozen=True)
+class PretrainedConfig:
+    """Settings of pretrained segmenters.
+
+    Attributes:
+        text_weights: Folder or hub name in place of the text model's own weights.
+        box_weights: The same for the box model.
+        device: Where the models run: ``auto``, ``cpu``, ``cuda``, ``cuda:1``, ``mps``.
+        precision: Of the image encoders: ``float32``, ``bfloat16`` or ``float16``.
+        prompts: How the projected links are put to the box model: a row of the paper's table,
+            ``a`` to ``f``.
+        text: What the text model looks for.
+    """
+
+    text_weights: str | Path | None = None
+    box_weights: str | Path | None = None
+    device: str = "auto"
+    precision: str = "float32"
+    prompts: str = DEFAULT_VARIANT
+    text: str = DEFAULT_TEXT
+
+    @property
+    def names_weights(self) -> bool:
+        """Whether it names any weights."""
+        return self.text_weights is not None or self.box_weights is not None
+
+    @property
+    def runtime(self) -> Runtime:
+        """Device and precision.
+
+        Raises:
+            InputError: No such device or precision.
+        """
+        from easyhecpp.models.runtime import Runtime
+
+        return Runtime(self.device, self.precision)
 
 
 class GivenMasks:
@@ -62,12 +108,7 @@ class ChosenSource:
 
 
 def choose_source(
-    segmenter: str,
-    capture: Capture,
-    *,
-    text_weights: str | Path | None = None,
-    box_weights: str | Path | None = None,
-    device: str | None = None,
+    segmenter: str, capture: Capture, config: PretrainedConfig | None = None
 ) -> ChosenSource:
     """The source that a name stands for.
 
@@ -75,64 +116,109 @@ def choose_source(
         segmenter: ``auto``, ``given``, ``classical``, or a pretrained segmenter's name.
         capture: Decides what ``auto`` takes: its masks, else weights that are on this disk, else
             the classical way. ``auto`` never downloads.
-        text_weights: Folder or hub name in place of the text model's own weights.
-        box_weights: The same for the box model.
-        device: ``cpu``, ``cuda`` and the like, for pretrained models.
+        config: Settings of pretrained segmenters; they are checked whatever is taken.
 
     Raises:
-        InputError: Unknown name, or weights that cannot be had.
+        InputError: Unknown name, weights that cannot be had, or settings that cannot be used.
         MissingExtraError: A pretrained name without torch and transformers.
     """
-    if segmenter == AUTO:
-        return _automatic(capture)
+    config = config or PretrainedConfig()
+    _check(segmenter, config)
+    if segmenter == AUTO and any(view.has_mask for view in capture.views):
+        unused = "; the weights that were named are not used" if config.names_weights else ""
+        return ChosenSource(GivenMasks(), GIVEN, f"masks from the capture{unused}", False)
     if segmenter == GIVEN:
         return ChosenSource(GivenMasks(), GIVEN, "masks from the capture, as asked", False)
-    if segmenter == CLASSICAL:
-        return _classical("classical segmentation, as asked")
-    return _pretrained(segmenter, "as asked", text_weights, box_weights, device)
+    taken = segmenter_for_images(segmenter, config)
+    if taken != CLASSICAL:
+        why = "as asked" if segmenter != AUTO else "its weights are on this disk"
+        return _pretrained(taken, why, config)
+    return _classical(
+        "classical segmentation, as asked"
+        if segmenter == CLASSICAL
+        else "classical segmentation: the capture holds no masks, and no weights are on this disk"
+    )
 
 
-def segmenter_for_images(segmenter: str) -> str:
-    """What ``auto`` stands for where masks are to be made: weights on this disk, else classical."""
+def segmenter_for_images(segmenter: str, config: PretrainedConfig | None = None) -> str:
+    """What ``auto`` stands for where masks are to be made: weights on this disk, else classical.
+
+    Args:
+        segmenter: A segmenter's name; any but ``auto`` stands for itself.
+        config: Names weights that what is taken must run with.
+
+    Raises:
+        InputError: Weights were named, and no segmenter is ready to run with them.
+    """
     if segmenter != AUTO:
         return segmenter
     from easyhecpp.models import registry
 
-    return registry.first_ready() or CLASSICAL
+    config = config or PretrainedConfig()
+    _check(segmenter, config)
+    weights = {"text_weights": config.text_weights, "box_weights": config.box_weights}
+    ready = registry.first_ready(**weights)
+    if ready is None and config.names_weights:
+        lacking = {name: registry.missing(name, **weights) for name in registry.names()}
+        nearest = min(lacking, key=lambda name: len(lacking[name]))
+        raise InputError(
+            "No segmenter is ready to run with the weights that were named",
+            where=f"{nearest} lacks {' and '.join(lacking[nearest])}",
+            expected="weights on this disk that make a whole segmenter; auto downloads none",
+            fix=f"choose --segmenter {nearest}, or leave --text-weights and --box-weights out",
+        )
+    return ready or CLASSICAL
 
 
-def _automatic(capture: Capture) -> ChosenSource:
-    if any(view.has_mask for view in capture.views):
-        return ChosenSource(GivenMasks(), GIVEN, "masks from the capture", False)
-    ready = segmenter_for_images(AUTO)
-    if ready != CLASSICAL:
-        return _pretrained(ready, "its weights are on this disk", None, None, None)
-    return _classical(
-        "classical segmentation: the capture holds no masks, and no weights are on this disk"
-    )
+def _check(segmenter: str, config: PretrainedConfig) -> None:
+    """Raises InputError for an unknown name, and for settings that no segmenter could use."""
+    from easyhecpp.models import registry
+    from easyhecpp.models.checkpoint import find
+
+    entry = None if segmenter in _OTHERS else registry.find(segmenter, _OTHERS)
+    find_variant(config.prompts)
+    if not config.text.strip():
+        raise InputError(
+            "The text that names the arm is empty",
+            expected='what a text model is to look for, such as "robot arm"',
+            fix="leave --text out for that one",
+        )
+    runtime = config.runtime
+    # Looking for a device loads torch, which nobody needs to have for other segmenters.
+    if runtime.device != "auto" and available("torch"):
+        runtime.torch_device()
+    models = {
+        "--text-weights": (config.text_weights, entry and entry.text),
+        "--box-weights": (config.box_weights, entry and entry.boxes),
+    }
+    for option, (weights, model) in models.items():
+        # Those of a model that will be loaded may be downloaded; whoever loads it looks.
+        if weights is None or model is not None or find(weights) is not None:
+            continue
+        raise InputError(
+            f"The weights {str(weights)!r} of {option} are not on this disk",
+            expected="a folder, or a name on the Hugging Face hub whose weights are in the cache",
+            fix=f"--segmenter {segmenter} downloads none for {option}: name a folder that exists, "
+            f"or leave {option} out",
+        )
 
 
 def _classical(why: str) -> ChosenSource:
     return ChosenSource(None, CLASSICAL, why, True)
 
 
-def _pretrained(
-    name: str,
-    why: str,
-    text_weights: str | Path | None,
-    box_weights: str | Path | None,
-    device: str | None,
-) -> ChosenSource:
+def _pretrained(name: str, why: str, config: PretrainedConfig) -> ChosenSource:
     from easyhecpp.models import registry
-    from easyhecpp.models.runtime import Runtime
-    from easyhecpp.segment import AutoSam
+    from easyhecpp.segment import AutoSam, AutoSamConfig
 
-    registry.find(name)
-    runtime = None if device is None else Runtime(device)
     loaded = registry.load(
-        name, text_weights=text_weights, box_weights=box_weights, runtime=runtime
+        name,
+        text_weights=config.text_weights,
+        box_weights=config.box_weights,
+        runtime=config.runtime,
     )
-    source: MaskSource = AutoSam(loaded.boxes, loaded.text)
+    how = AutoSamConfig(variant=config.prompts, text=config.text)
+    source: MaskSource = AutoSam(loaded.boxes, loaded.text, how)
     if loaded.text is None:
         source = _FirstPoseElsewhere(source)
     return ChosenSource(source, name, f"{name}, {why}", True)

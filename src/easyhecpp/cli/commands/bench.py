@@ -130,6 +130,9 @@ class BenchPrompts:
     box_weights: str | None = None
     """Folder or hub name in place of the model's own weights."""
 
+    device: str = "auto"
+    """Where the model runs: auto (CUDA if there is one, else the CPU), cpu, cuda, cuda:1, mps."""
+
     result: Path | None = None
     """Take the camera's pose from this result.json; otherwise the given masks are calibrated."""
 
@@ -142,10 +145,16 @@ class BenchPrompts:
         from easyhecpp.capture import Capture
         from easyhecpp.formats.result_file import ResultFile
         from easyhecpp.models import registry
+        from easyhecpp.models.runtime import Runtime
         from easyhecpp.session import CalibrationConfig, calibrate
 
         capture = Capture.load(self.capture)
-        loaded = registry.load(self.segmenter, box_weights=self.box_weights, with_text=False)
+        loaded = registry.load(
+            self.segmenter,
+            box_weights=self.box_weights,
+            runtime=Runtime(self.device),
+            with_text=False,
+        )
         if self.result is not None:
             pose = ResultFile.read(self.result).T_mount_cam
             T_mount_cam = None if pose is None else pose.array

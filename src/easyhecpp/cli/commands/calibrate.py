@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from easyhecpp.cli.output import complain, progress, say, say_json
+from easyhecpp.cli.pretrained import PretrainedOptions
 from easyhecpp.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -43,15 +44,6 @@ class Calibrate:
     no_edges: bool = False
     """Leave out the last stage, which fits the outline to the image's own edges."""
 
-    text_weights: str | None = None
-    """Folder or hub name in place of a pretrained text model's own weights."""
-
-    box_weights: str | None = None
-    """The same for the box model."""
-
-    device: str | None = None
-    """Where pretrained models run: cpu, cuda, mps."""
-
     refine: tuple[str, ...] = ()
     """Refine with the pose what may be off: focal, principal_point, names of joints (their zeros).
     Each may carry how far off it may be, as in focal=0.02 joint4=0.005: relative, pixels, radians
@@ -65,6 +57,10 @@ class Calibrate:
 
     quiet: bool = False
     """No progress on standard error."""
+
+    pretrained: Annotated[PretrainedOptions, arg(name="")] = field(
+        default_factory=PretrainedOptions
+    )
 
     def run(self, command_line: str) -> int:
         """Calibrate, write, summarise."""
@@ -101,9 +97,7 @@ class Calibrate:
             segmenter=self.segmenter,
             first_pose=self.first_pose,
             edges=not self.no_edges,
-            text_weights=self.text_weights,
-            box_weights=self.box_weights,
-            device=self.device,
+            pretrained=self.pretrained.config(),
             refine=self.refine,
         )
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from easyhecpp.cli.output import progress, say
+from easyhecpp.cli.pretrained import PretrainedOptions
 
 
 @dataclass(frozen=True)
@@ -29,17 +31,12 @@ class Segment:
     segmenter: str = "auto"
     """One of the names above; auto takes weights that are on this disk, else classical."""
 
-    text_weights: str | None = None
-    """Folder or hub name in place of the text model's own weights."""
-
-    box_weights: str | None = None
-    """The same for the box model."""
-
-    device: str | None = None
-    """Where pretrained models run: cpu, cuda, mps."""
-
     quiet: bool = False
     """No progress on standard error."""
+
+    pretrained: Annotated[PretrainedOptions, arg(name="")] = field(
+        default_factory=PretrainedOptions
+    )
 
     def run(self, command_line: str) -> int:
         """Segment and write."""
@@ -51,16 +48,12 @@ class Segment:
         with progress(self.quiet) as tell:
             tell("reading the capture")
             capture = Capture.load(self.capture)
-            segmenter = segmenter_for_images(self.segmenter)
+            pretrained = self.pretrained.config()
+            segmenter = segmenter_for_images(self.segmenter, pretrained)
             with output_folder(self.out):
                 found = calibrate(
                     capture,
-                    CalibrationConfig(
-                        segmenter=segmenter,
-                        text_weights=self.text_weights,
-                        box_weights=self.box_weights,
-                        device=self.device,
-                    ),
+                    CalibrationConfig(segmenter=segmenter, pretrained=pretrained),
                     progress=tell,
                     command=command_line,
                 )

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.models.loading import load, load_tokenizer
+from easyhecpp.models.checkpoint import WeightsSpec, preprocessor_settings
+from easyhecpp.models.loading import load
 from easyhecpp.models.pixels import Preprocessing
-from easyhecpp.models.runtime import Runtime, inference
-from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
+from easyhecpp.models.runtime import Runtime, inference, to_float64
 from easyhecpp.segment.protocols import ScoredBoxes
 
 GROUNDING_DINO = WeightsSpec(
@@ -18,6 +19,7 @@ GROUNDING_DINO = WeightsSpec(
     "IDEA-Research/grounding-dino-base",
     ("grounding-dino",),
     option="--text-weights",
+    tokenizer=True,
 )
 
 _PREPROCESSING = Preprocessing("shortest", size=800, longest=1333)
@@ -58,7 +60,8 @@ class GroundingDino:
             disable_custom_kernels=True,
         )
         self._name, self.model, self.device = loaded.name, loaded.model, loaded.device
-        self.tokenizer = load_tokenizer(GROUNDING_DINO, loaded.folder)
+        self.tokenizer = loaded.tokenizer
+        self._run_backbone_in_chosen_precision()
         self.preprocessing = _PREPROCESSING.with_settings(preprocessor_settings(loaded.folder))
 
     @property
@@ -69,16 +72,34 @@ class GroundingDino:
     def detect(self, image: NDArray[np.uint8], text: str) -> ScoredBoxes:
         """Boxes of ``text``, best first."""
         pixels, _ = self.preprocessing.tensor(image)
-        tokens = self.tokenizer(as_caption(text), return_tensors="pt").to(self.device)
-        with inference(self.name), self.runtime.encoding(self.device):
+        tokens = self.tokenizer(
+            as_caption(text),
+            return_tensors="pt",
+            truncation=True,
+            max_length=self.model.config.max_text_len,
+        ).to(self.device)
+        with inference(self.name):
             output = self.model(pixel_values=pixels.to(self.device), **tokens)
         # A query's score is that of the text token that it fits best.
-        scores = output.logits[0].float().sigmoid().amax(dim=-1).double().cpu().numpy()
-        boxes = to_pixels(output.pred_boxes[0].double().cpu().numpy(), image.shape[:2])
+        scores = to_float64(output.logits[0].sigmoid().amax(dim=-1))
+        boxes = to_pixels(to_float64(output.pred_boxes[0]), image.shape[:2])
         keep = np.flatnonzero(scores > self.threshold)
         keep = keep[np.argsort(-scores[keep], kind="stable")]
         keep = keep[without_duplicates(boxes[keep], self.duplicate_iou)][: self.at_most]
         return ScoredBoxes(boxes[keep], scores[keep])
+
+    def _run_backbone_in_chosen_precision(self) -> None:
+        """Put the image encoder alone under autocast; boxes are made and corrected in float32."""
+        backbone = self.model.model.backbone.conv_encoder.model
+        forward = backbone.forward
+
+        def in_chosen_precision(*args: Any, **kwargs: Any) -> Any:
+            with self.runtime.encoding(self.device):
+                output = forward(*args, **kwargs)
+            output.feature_maps = tuple(level.float() for level in output.feature_maps)
+            return output
+
+        backbone.forward = in_chosen_precision
 
 
 def as_caption(text: str) -> str:

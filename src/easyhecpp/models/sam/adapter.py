@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from easyhecpp.models.checkpoint import WeightsSpec
 from easyhecpp.models.pixels import Preprocessing
 from easyhecpp.models.prompted import Family, PromptedSegmenter
 from easyhecpp.models.runtime import Runtime
-from easyhecpp.models.weights import WeightsSpec
 
 SAM = Family(
     weights=WeightsSpec("SAM", "facebook/sam-vit-huge", ("sam",)),

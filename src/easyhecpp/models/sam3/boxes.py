@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from easyhecpp.models.checkpoint import WeightsSpec
 from easyhecpp.models.pixels import Preprocessing
 from easyhecpp.models.prompted import Family, PromptedSegmenter
 from easyhecpp.models.runtime import Runtime
-from easyhecpp.models.weights import WeightsSpec
 
 SAM3_PREPROCESSING = Preprocessing("stretch", 1008, mean=(0.5, 0.5, 0.5), std=(0.5, 0.5, 0.5))
 

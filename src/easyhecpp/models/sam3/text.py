@@ -9,14 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from easyhecpp.models.loading import load, load_tokenizer
-from easyhecpp.models.runtime import Runtime, inference
+from easyhecpp.models.checkpoint import WeightsSpec, preprocessor_settings
+from easyhecpp.models.loading import load
+from easyhecpp.models.runtime import Runtime, inference, to_float64
 from easyhecpp.models.sam3.boxes import SAM3_PREPROCESSING
-from easyhecpp.models.weights import WeightsSpec, preprocessor_settings
 from easyhecpp.segment.protocols import ScoredMasks
 
 SAM3_TEXT = WeightsSpec(
-    "SAM 3", "facebook/sam3", ("sam3", "sam3_video"), gated=True, option="--text-weights"
+    "SAM 3",
+    "facebook/sam3",
+    ("sam3", "sam3_video"),
+    gated=True,
+    option="--text-weights",
+    tokenizer=True,
 )
 
 _TOKENS = 32  # the length that SAM 3's text encoder was trained with
@@ -47,7 +52,7 @@ class Sam3Text:
         self.threshold, self.at_most = threshold, at_most
         loaded = load("Sam3Model", SAM3_TEXT, weights, self.runtime)
         self._name, self.model, self.device = loaded.name, loaded.model, loaded.device
-        self.tokenizer = load_tokenizer(SAM3_TEXT, loaded.folder)
+        self.tokenizer = loaded.tokenizer
         size = int(np.ravel(self.model.config.vision_config.image_size)[0])
         self.preprocessing = replace(SAM3_PREPROCESSING, size=size).with_settings(
             preprocessor_settings(loaded.folder)
@@ -76,7 +81,7 @@ class Sam3Text:
             if len(order) == 0:
                 return ScoredMasks(np.zeros((0, *frame.image_size), dtype=bool), np.zeros(0))
             masks = frame.logits_to_image(output.pred_masks[0][order]) > 0
-        return ScoredMasks(masks.cpu().numpy(), scores[order].double().cpu().numpy())
+        return ScoredMasks(masks.cpu().numpy(), to_float64(scores[order]))
 
     def _tokens(self, text: str) -> dict[str, Any]:
         tokens = self.tokenizer(

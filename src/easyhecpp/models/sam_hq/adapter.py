@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from easyhecpp.models.checkpoint import WeightsSpec
 from easyhecpp.models.pixels import Preprocessing
 from easyhecpp.models.prompted import Family, PromptedSegmenter, to_float32
 from easyhecpp.models.runtime import Runtime
-from easyhecpp.models.weights import WeightsSpec
 
 if TYPE_CHECKING:
     import torch
