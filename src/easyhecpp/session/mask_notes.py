@@ -61,7 +61,7 @@ def short_mask_notes(masks: CaptureMasks, quality: Sequence[ViewQuality]) -> tup
         views.setdefault(note, []).append(view_id)
     lines = [f"{_named(ids)}: {note}" for note, ids in list(views.items())[:_SHOWN]]
     if len(views) > _SHOWN:
-        lines.append(f"and {len(views) - _SHOWN} more on the masks: the report lists them by view")
+        lines.append(f"and {len(views) - _SHOWN} more on the masks; the page lists them by view")
     return tuple(lines)
 
 

@@ -14,8 +14,11 @@ from easyhecpp.capture import Capture
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.report.html import write_report
+from easyhecpp.report.masks_page import write_masks_page
 from easyhecpp.report.overlay import write_overlays
 from easyhecpp.session.calibration import Calibration, robot_block
+
+MASKS_PAGE = "masks.html"
 
 
 @contextmanager
@@ -62,7 +65,7 @@ def save(found: Calibration, folder: Path) -> None:
 
 
 def save_masks(found: Calibration, folder: Path) -> list[Path]:
-    """Write the masks as ``masks/<view>.png``, and overlays to judge them by.
+    """Write the masks as ``masks/<view>.png``, overlays, and last the page to judge them by.
 
     Raises:
         InputError: A file cannot be written.
@@ -73,6 +76,7 @@ def save_masks(found: Calibration, folder: Path) -> list[Path]:
         write_image(path, np.asarray(mask, np.float32) > 0.5)
         written.append(path)
     write_overlays(folder / "overlays", found.capture, found.T_mount_cam, masks=found.masks)
+    write_masks_page(folder / MASKS_PAGE, found.result, found.capture, found.masks)
     return written
 
 
