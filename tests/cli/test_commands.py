@@ -307,6 +307,26 @@ def test_overlay_of_a_result_without_a_pose(
     assert not (tmp_path / "drawn").exists()
 
 
+# segment
+
+
+@pytest.mark.parametrize(("verdict", "code"), [("ok", 0), ("doubtful", 0), ("failed", 3)])
+def test_segment_tells_the_verdict_and_writes_masks_and_page_whatever_it_is(
+    verdict: str, code: int, folder: Path, tmp_path: Path, stubbed: Callable[[str], None]
+) -> None:
+    stubbed(verdict)
+    ran = run("segment", folder, "--out", tmp_path / "out", "--segmenter", "given", "--quiet")
+    assert ran.code == code, ran.err
+    assert f"verdict: {verdict}\n  Because." in ran.out
+    assert "4 of 4 masks written to " in ran.out
+    assert sorted(path.stem for path in (tmp_path / "out" / "masks").iterdir()) == [
+        "0000", "0001", "0002", "0003",
+    ]  # fmt: skip
+    page = tmp_path / "out" / "masks.html"
+    assert str(page) in ran.out
+    assert "Because." in page.read_text("utf-8")
+
+
 # export, compare
 
 

@@ -68,8 +68,8 @@ class TestRoundTrip:
     def test_keys_come_in_the_order_of_the_format(self) -> None:
         assert list(json.loads(make_result().to_text())) == [
             "schema", "package", "command", "setup", "segmenter", "created", "verdict", "reasons",
-            "T_mount_cam", "T_cam_mount", "covariance", "sigma", "camera", "robot", "refined",
-            "views", "timings_s", "config",
+            "notes", "T_mount_cam", "T_cam_mount", "covariance", "sigma", "camera", "robot",
+            "refined", "views", "masks", "timings_s", "config",
         ]  # fmt: skip
 
     def test_matrix_is_written_one_row_a_line(self) -> None:

@@ -5,62 +5,17 @@ from __future__ import annotations
 import re
 from ast import literal_eval
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from html_page import Page
 from report_case import REASON, Case, result_of, solved, without_pose
 
 import easyhecpp
 from easyhecpp.capture import View
 from easyhecpp.errors import InputError
-from easyhecpp.formats.result_blocks import ViewResult
+from easyhecpp.formats.result_blocks import LinkAgreement, MaskResult, ViewResult
 from easyhecpp.report.html import report_html, write_report
-
-VOID = {"br", "col", "hr", "img", "input", "link", "meta"}
-
-
-class Page(HTMLParser):
-    """Checks that tags are balanced and ids unique; keeps what is loaded, linked and said."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.ids: list[str] = []
-        self.loads: list[str] = []
-        self.links: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-        self.close()
-        assert self.open == []
-        assert len(set(self.ids)) == len(self.ids)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        names = [name for name, _ in attrs]
-        assert len(set(names)) == len(names), f"<{tag}> has an attribute twice"
-        values = dict(attrs)
-        self.ids += [values["id"]] if values.get("id") else []
-        kinds = self.links if tag in ("a", "use") else self.loads
-        kinds += [values[name] or "" for name in ("src", "href", "srcset") if name in values]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open[-1:] == [tag], f"</{tag}> closes <{self.open[-1:]}>"
-        self.open.pop()
-
-    def handle_data(self, data: str) -> None:
-        if not {"style", "script"} & set(self.open[-1:]):
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return re.sub(r"[^\S\n]+", " ", " ".join(self.words))
 
 
 def page(case: Case) -> Page:
@@ -220,3 +175,33 @@ def test_the_file_is_written_whole_and_an_unwritable_place_is_named(tmp_path):
         write_report(tmp_path / "file" / "report.html", *case.arguments)
     with pytest.raises(InputError, match="over a folder"):
         write_report(tmp_path / "new", *case.arguments)
+
+
+def test_how_well_links_and_pictures_agree_stands_in_a_table():
+    links = (
+        LinkAgreement(link="hand", score=0.07, edge=0.05, colour=0.5, length_px=300.0),
+        LinkAgreement(
+            link="base", score=0.95, edge=0.6, colour=0.0, offset_px=1.24, length_px=100.0
+        ),
+    )
+    masks = [
+        MaskResult(id="0000", score=0.875, notes=("Link hand hardly agrees.",), links=links),
+        MaskResult(id="0001", notes=("The arm is out of view.",)),
+    ]
+    text = report_html(*changed(masks=masks).arguments)
+    table = text[text.index('id="agreement"') : text.index('id="residuals"')]
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", table)
+    base, hand, mask = cells[:3], cells[3:6], cells[6:]
+    assert (base, hand, mask) == (["95", "·", "95"], ["7", "·", "7"], ["88", "·", ""])
+    assert "5 % on an edge, 50 % told from the background, no edge" in table
+    assert "edges +1.2 px out" in table
+    # Of each view its own notes.
+    views = text.split('<article class="card view"')[1:]
+    assert ["hardly agrees" in view for view in views] == [True, False, False, False]
+    assert ["out of view" in view for view in views] == [False, True, False, False]
+    assert Page(text).ids
+    assert "agreement" not in page(solved()).ids
+
+
+def test_the_notes_are_part_of_the_record():
+    assert "masks: as asked" in page(changed(notes=["masks: as asked"])).text

@@ -13,7 +13,7 @@ from easyhecpp.segment._rim_kernel import BEYOND, STEP, WITHIN
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edge_rim import RimModel
-from easyhecpp.segment.edges import refine_edges
+from easyhecpp.segment.edges import UnseenCost, refine_edges
 from easyhecpp.segment.scene import Scene
 from easyhecpp.solve import Observation, SolveConfig, solve_pose
 
@@ -200,3 +200,18 @@ def _start(case, delta):
         for i, (q, cover) in enumerate(zip(case.joints, covers, strict=True))
     ]
     return solve_pose(case.rig, case.camera, seen, T, SolveConfig(start_error_px=4.0))
+
+
+@pytest.mark.parametrize(
+    ("after", "better", "words"),
+    [
+        (0.10, True, "lie closer to the edges than before: cost 0.1000, before 0.1200."),
+        (0.122, True, "about as close to the edges as before: cost 0.1220, before 0.1200."),
+        (0.13, False, "lie no closer to the edges than before: cost 0.1300, before 0.1200."),
+    ],
+)
+def test_the_costs_are_told_as_measured_and_what_decided(after, better, words):
+    cost = UnseenCost(0.12, after, 0.05)
+    assert cost.better is better
+    assert words in cost.reason
+    assert ("5.0% less, which decided" in cost.reason) == (better and after > 0.12)

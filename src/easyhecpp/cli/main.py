@@ -11,11 +11,10 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from easyhecpp.cli.output import complain
+from easyhecpp.cli.output import FAILED, complain
 from easyhecpp.errors import CalibrationError, EasyHecError
 
 BAD_INPUT = 2
-FAILED = 3
 
 
 def main(argv: Sequence[str] | None = None) -> int:

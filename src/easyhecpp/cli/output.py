@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from easyhecpp.formats.result_file import ResultFile
     from easyhecpp.session.stages import Progress
+
+FAILED = 3
+"""Exit code of a calibration that failed."""
 
 
 def say(text: str = "") -> None:
     """Print a line of the result."""
     sys.stdout.write(text + "\n")
+
+
+def say_verdict(result: ResultFile, notes: Sequence[str]) -> None:
+    """Print notes, the verdict and the reasons behind it."""
+    for note in notes:
+        say(f"note: {note}")
+    say(f"verdict: {result.verdict}")
+    for reason in result.reasons:
+        say(f"  {reason}")
 
 
 def say_json(value: Any) -> None:

@@ -29,6 +29,7 @@ Row3 = Annotated[tuple[FiniteFloat, ...], Field(min_length=3, max_length=3)]
 Row4 = Annotated[tuple[FiniteFloat, ...], Field(min_length=4, max_length=4)]
 Row6 = Annotated[tuple[FiniteFloat, ...], Field(min_length=6, max_length=6)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0.0)]
+Share = Annotated[FiniteFloat, Field(ge=0.0, le=1.0)]
 
 
 class Block(BaseModel):
@@ -198,9 +199,34 @@ class ViewResult(Block):
     id: str
     weight: NonNegative
     rms_px: NonNegative | None = None
-    iou: Annotated[FiniteFloat, Field(ge=0.0, le=1.0)] | None = None
+    iou: Share | None = None
     prediction_px: NonNegative | None = None
     flags: tuple[str, ...] = ()
+
+
+class LinkAgreement(Block):
+    """How well colour, edges and kinematics agree along one link's outline in one view.
+
+    ``edge`` and ``colour`` are shares of that outline: with an edge of the picture nearby, and
+    where the picture differs from the background on the inside only. ``offset_px`` is how far out
+    its edges lie in the median, None where it has none.
+    """
+
+    link: str = Field(min_length=1)
+    score: Share
+    edge: Share
+    colour: Share
+    offset_px: FiniteFloat | None = None
+    length_px: NonNegative
+
+
+class MaskResult(Block):
+    """The mask of one view, ``score`` None when there is none, and how the links fare in it."""
+
+    id: str
+    score: Share | None = None
+    notes: tuple[str, ...] = ()
+    links: tuple[LinkAgreement, ...] = ()
 
 
 def raise_if(problems: list[str], value: Any) -> Any:

@@ -28,6 +28,7 @@ from easyhecpp.formats.result_blocks import (
     Block,
     CameraBlock,
     Covariance,
+    MaskResult,
     NonNegative,
     RefinedParameter,
     RobotBlock,
@@ -43,6 +44,7 @@ __all__ = [
     "SCHEMA",
     "CameraBlock",
     "Covariance",
+    "MaskResult",
     "Package",
     "RefinedParameter",
     "ResultFile",
@@ -78,6 +80,7 @@ class ResultFile(Block):
     created: AwareDatetime
     verdict: Verdict
     reasons: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     T_mount_cam: Transform | None
     T_cam_mount: Transform | None
     covariance: Covariance | None = None
@@ -86,6 +89,7 @@ class ResultFile(Block):
     robot: RobotBlock
     refined: tuple[RefinedParameter, ...] = ()
     views: tuple[ViewResult, ...] = ()
+    masks: tuple[MaskResult, ...] = ()
     timings_s: dict[str, NonNegative] = Field(default_factory=dict)
     config: dict[str, Any] = Field(default_factory=dict)
 
@@ -101,7 +105,9 @@ class ResultFile(Block):
         covariance: ArrayLike | None = None,
         workspace_point: Sequence[float] | None = None,
         reasons: Sequence[str] = (),
+        notes: Sequence[str] = (),
         views: Sequence[ViewResult] = (),
+        masks: Sequence[MaskResult] = (),
         refined: Sequence[RefinedParameter] = (),
         segmenter: str | None = None,
         command: str | None = None,
@@ -120,7 +126,9 @@ class ResultFile(Block):
             covariance: ``(6, 6)`` of ``[v, w]`` in ``T_mount_cam @ exp([v, w])``, m and rad.
             workspace_point: Point in the mount's frame at which to state the uncertainty, metres.
             reasons: Sentences behind the verdict.
-            views: One entry a view.
+            notes: What the user should know about how it was done, sentences.
+            views: One entry a view that has a mask.
+            masks: One entry a view, also where no mask could be made.
             refined: Intrinsics and joint zeros that were refined with the pose.
             segmenter: Where the masks came from.
             command: The exact command line.
@@ -144,6 +152,7 @@ class ResultFile(Block):
                 created=created or datetime.now(timezone.utc).replace(microsecond=0),
                 verdict=verdict,
                 reasons=tuple(reasons),
+                notes=tuple(notes),
                 T_mount_cam=None if T is None else Transform.from_matrix(mount, camera.frame, T),
                 T_cam_mount=None
                 if T is None
@@ -158,6 +167,7 @@ class ResultFile(Block):
                 robot=robot,
                 refined=tuple(refined),
                 views=tuple(views),
+                masks=tuple(masks),
                 timings_s=dict(timings_s or {}),
                 config=plain(config) if config is not None else {},
             )
@@ -202,8 +212,12 @@ class ResultFile(Block):
         if self.covariance is not None and self.T_mount_cam is None:
             problems.append("there is a covariance, but no pose that it could belong to")
         problems += self._sigma_problems()
-        ids = [view.id for view in self.views]
-        problems += [f"view {i!r} is listed twice" for i in sorted(set(ids)) if ids.count(i) > 1]
+        for what, ids in (
+            ("view", [view.id for view in self.views]),
+            ("the mask of view", [mask.id for mask in self.masks]),
+        ):
+            twice = sorted({i for i in ids if ids.count(i) > 1})
+            problems += [f"{what} {i!r} is listed twice" for i in twice]
         return raise_if(problems, self)
 
     def _pose_problems(self) -> list[str]:

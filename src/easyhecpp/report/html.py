@@ -9,18 +9,17 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from easyhecpp._atomic import write_text
 from easyhecpp.capture import Capture
 from easyhecpp.formats.result_blocks import ViewResult
-from easyhecpp.formats.result_file import ResultFile, Transform
+from easyhecpp.formats.result_file import ResultFile
+from easyhecpp.report.agreement import agreement_table
 from easyhecpp.report.pictures import ViewPicture, view_pictures
 from easyhecpp.report.plots import ellipsoid_panels
 from easyhecpp.report.residuals import (
@@ -32,6 +31,7 @@ from easyhecpp.report.residuals import (
     odd_links,
 )
 from easyhecpp.report.scene import scene_svg
+from easyhecpp.report.templating import template
 from easyhecpp.report.uncertainty import Uncertainty
 from easyhecpp.report.wording import flag_text, verdict_text
 from easyhecpp.solve import ContourFit, PoseEstimate
@@ -49,6 +49,7 @@ class ViewCard:
         status: ``used``, ``partly used``, ``left out`` or ``no mask``; "" without a pose.
         fit: Its entry in the result, None when it took no part at all.
         flags: Findings, in words.
+        notes: What was said of its mask, sentences.
         picture: Picture and outlines.
         plot: Displacement along the contour, SVG.
     """
@@ -57,6 +58,7 @@ class ViewCard:
     status: str
     fit: ViewResult | None
     flags: tuple[str, ...]
+    notes: tuple[str, ...]
     picture: ViewPicture
     plot: Markup
 
@@ -109,7 +111,7 @@ def report_html(
     if T is not None:
         covariance = None if uncertainty is None else uncertainty.camera
         scene, scene_note = scene_svg(capture, shown.joints, T, covariance)
-    return _template().render(
+    return template("report.html.j2").render(
         result=result,
         capture=capture,
         text=verdict_text(result),
@@ -125,6 +127,7 @@ def report_html(
         histogram=Markup("" if estimate is None else all_views_histogram(estimate, limit)),
         dilation_px=None if estimate is None else estimate.dilation_px,
         links=links,
+        agreement=agreement_table(result.masks, names),
         odd_links=[] if estimate is None else odd_links(mask_table(estimate, hard, names)),
         link_views=() if estimate is None else tuple(view.id for view in estimate.views),
         limit_px=limit,
@@ -159,6 +162,7 @@ def _card(
         status=_status(result, fit, has_mask),
         fit=fit,
         flags=() if fit is None else tuple(flag_text(flag) for flag in fit.flags),
+        notes=next((mask.notes for mask in result.masks if mask.id == picture.id), ()),
         picture=picture,
         plot=Markup(plot),
     )
@@ -179,64 +183,3 @@ def _mm_per_px(result: ResultFile, uncertainty: Uncertainty | None) -> float | N
     if uncertainty is None or uncertainty.distance is None or uncertainty.distance <= 0:
         return None
     return 1e3 * uncertainty.distance / result.camera.fx
-
-
-@cache
-def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("easyhecpp.report", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    filters: dict[str, Any] = {
-        "anchor": _anchor,
-        "code": _code,
-        "matrix": _matrix,
-        "numbers": _numbers,
-        "shade": _shade,
-        "signed": _signed,
-        "xyzw": _xyzw,
-    }
-    environment.filters.update(filters)
-    return environment.get_template("report.html.j2")
-
-
-def _code(text: str) -> Markup:
-    """Text whose backquoted parts become code."""
-    parts = text.split("`")
-    return Markup("").join(
-        Markup("<code>{}</code>").format(part) if i % 2 else escape(part)
-        for i, part in enumerate(parts)
-    )
-
-
-def _numbers(values: tuple[float, ...], digits: int = 6) -> str:
-    return "  ".join(f"{value + 0.0:+.{digits}f}" for value in values)
-
-
-def _matrix(transform: Transform) -> str:
-    rows = [", ".join(f"{value:+.7f}" for value in row) for row in transform.matrix[:3]]
-    return "[[" + "],\n [".join([*rows, "0, 0, 0, 1"]) + "]]"
-
-
-def _xyzw(quat_wxyz: tuple[float, ...]) -> tuple[float, ...]:
-    return (*quat_wxyz[1:], quat_wxyz[0])
-
-
-def _signed(value: float) -> str:
-    """With its sign and one decimal; plain 0.0 for what rounds to nothing."""
-    return f"{value:+.1f}" if abs(value) >= 0.05 else "0.0"
-
-
-def _shade(value: float) -> str:
-    """Background of a table's cell: blue for inward, red for outward, none for nothing."""
-    share = min(1.0, abs(value) / 3.0)
-    colour = "220 60 50" if value > 0 else "45 105 220"
-    return f"background: rgb({colour} / {0.55 * share:.2f})"
-
-
-def _anchor(view_id: str) -> str:
-    """A view's name as it may stand in an element's id and in a link to it."""
-    return "".join(c if c.isalnum() and c.isascii() else f"_{ord(c):x}" for c in view_id)

@@ -26,7 +26,7 @@ F64 = NDArray[np.float64]
 _CELL_PX = 40.0
 """Side of the squares that edges are held out by; farther apart they err all but independently."""
 
-_UNKNOWNS, _MOST_LOWERED = 7, 0.1
+_UNKNOWNS, _MOST_ALLOWED = 7, 0.1
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,9 @@ class EdgeRefinement:
     Attributes:
         estimate: The refined pose, or the one it started from when that is better.
         accepted: Whether the refined pose is better on contour points that it was not fitted to.
-        reason: Why, in a sentence.
-        cost_before, cost_after: Robust cost of the unseen points, 0..1, smaller is better.
+        reason: Why, in words.
+        cost_before, cost_after: Robust cost of the unseen points as measured, 0..1; a fit to half
+            of the data that is little worse counts as better, see `UnseenCost`.
         support: How well the images bear out the pose in ``estimate``.
     """
 
@@ -102,23 +103,52 @@ def refine_edges(
             start, False, "Too few edges of the arm were found in the images.",
             1.0, 1.0, reader.support(start.T_mount_cam),
         )  # fmt: skip
-    before, after = _held_out(reader, start.T_mount_cam, fit, config, trust)
-    accepted = after < before
-    reason = (
-        f"Contour points that the fit did not see lie closer to the edges than before: "
-        f"cost {after:.3f} instead of {before:.3f}."
-        if accepted
-        else "Contour points that the fit did not see lie no closer to the edges than before: "
-        f"cost {after:.3f} against {before:.3f}."
-    )
+    unseen = _held_out(reader, start.T_mount_cam, fit, config, trust)
+    accepted = unseen.better
     names = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(scene)))
     estimate = fit.estimate(start, names, trust) if accepted else start
     took = {"edges": time.perf_counter() - clock}
     if accepted:
         estimate = replace(estimate, timings_s={**start.timings_s, **took})
     return EdgeRefinement(
-        estimate, accepted, reason, before, after, reader.support(estimate.T_mount_cam), took
-    )
+        estimate, accepted, unseen.reason, unseen.before, unseen.after,
+        reader.support(estimate.T_mount_cam), took,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class UnseenCost:
+    """Robust cost of contour points that a fit has not seen, 0..1.
+
+    Attributes:
+        before: At the start.
+        after: At fits to half of the data.
+        allowance: Share of ``after`` that a fit to all of the data loses by seeing twice as much.
+    """
+
+    before: float
+    after: float
+    allowance: float = 0.0
+
+    @property
+    def better(self) -> bool:
+        """Whether the fit to all of the data is better than the start."""
+        return self.after * (1.0 - self.allowance) < self.before
+
+    @property
+    def reason(self) -> str:
+        """Why it is or is not, a sentence with the costs as they were measured."""
+        costs = f"cost {self.after:.4f}, before {self.before:.4f}"
+        points = "Contour points that the fit did not see lie"
+        if not self.better:
+            return f"{points} no closer to the edges than before: {costs}."
+        if self.after < self.before:
+            return f"{points} closer to the edges than before: {costs}."
+        return (
+            f"{points} about as close to the edges as before: {costs}. That fit saw half of the "
+            f"data; the fit to all of it is allowed {self.allowance:.1%} less, which decided for "
+            "it."
+        )
 
 
 def _descend(
@@ -145,7 +175,7 @@ def _descend(
 
 def _held_out(
     reader: EdgeReader, T_start: F64, fit: EdgeFit, config: EdgeConfig, trust: F64
-) -> tuple[float, float]:
+) -> UnseenCost:
     """Robust cost of contour points that a fit has not seen, at the start and at the fit.
 
     The contour is cut into squares of 40 px, painted like a chessboard. The pose is fitted to one
@@ -154,7 +184,7 @@ def _held_out(
 
     A fit to one colour has half of the squares to learn its seven unknowns from. What is handed out
     is fitted to all of them: of n squares that err independently it loses ``7 / n`` of the noise
-    less on points that it has not seen, and the cost is lowered by as much.
+    less on points that it has not seen, and the cost is allowed to be as much lower.
     """
     reach = config.reaches_px[0]
     at_start = reader.read(T_start, reach, spacing_px=2.0)
@@ -167,7 +197,7 @@ def _held_out(
     for side in (0, 1):
         seen = (colour == side) & (w > 0)
         if np.count_nonzero(seen) < FEWEST // 2:
-            return 1.0, 1.0
+            return UnseenCost(1.0, 1.0)
         A = np.column_stack([J[seen], np.ones(np.count_nonzero(seen))])
         H = A.T @ (w[seen, None] * A)
         H[np.diag_indices(6)] *= 1.0 + 1e-6
@@ -179,8 +209,11 @@ def _held_out(
         total += float(say[unseen].sum())
     say = np.concatenate(counts(at_start, trust))
     before = float(say @ _cost(np.concatenate([e.offset for e in at_start]), scale))
-    after *= 1.0 - min(_UNKNOWNS / max(_squares(at_fit, w > 0), 1), _MOST_LOWERED)
-    return before / max(float(say.sum()), 1e-9), after / max(total, 1e-9)
+    return UnseenCost(
+        before / max(float(say.sum()), 1e-9),
+        after / max(total, 1e-9),
+        min(_UNKNOWNS / max(_squares(at_fit, w > 0), 1), _MOST_ALLOWED),
+    )
 
 
 def _squares(readings: Sequence[EdgeReading], used: NDArray[np.bool_]) -> int:

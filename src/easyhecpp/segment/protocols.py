@@ -195,11 +195,15 @@ class CaptureMasks:
         views: one entry for each view of the capture, in its order.
         belief: the pose, where making the masks has found one.
         notes: sentences for the user about the capture as a whole.
+        doubts: reasons why the belief, and with it the masks, may be wrong; sentences.
+        margin: by how much the belief beat its best rival, in overlap; 1 where there is none.
     """
 
     views: tuple[ViewMask, ...]
     belief: PoseBelief | None = None
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+    margin: float = 1.0
 
     @property
     def usable(self) -> tuple[ViewMask, ...]:

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
-from easyhecpp.segment.edge_reading import EdgeReading
+from easyhecpp.segment.backgrounds import Backgrounds
+from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
 
 F64 = NDArray[np.float64]
 
+_REACH_PX = 6.0
 _NEAR_PX = 1.5
 _FEWEST_SAMPLES = 20
 _ENOUGH = 0.5
@@ -53,7 +55,7 @@ class ViewQuality:
         edge: Share of the contour that moves with an image edge within 1.5 px.
         spread_px: Robust spread of the edges' displacements.
         weight: Trust in [0, 1] for the pose fit.
-        notes: Sentences for the user.
+        notes: Sentences for the user, the weightiest first.
     """
 
     view_id: str
@@ -62,6 +64,24 @@ class ViewQuality:
     spread_px: float
     weight: float
     notes: tuple[str, ...] = ()
+
+
+def assess_at(
+    backgrounds: Backgrounds,
+    T_mount_cam: F64,
+    ids: Sequence[str],
+    ignore: Sequence[NDArray[np.bool_] | None] | None = None,
+) -> tuple[ViewQuality, ...]:
+    """Judge every view at a pose.
+
+    Args:
+        backgrounds: The pictures and what is behind the arm.
+        T_mount_cam: ``(4, 4)``.
+        ids: Names of the views.
+        ignore: Per view ``(H, W)`` bool where the image says nothing, or None.
+    """
+    readings = EdgeReader(backgrounds, ignore).read(T_mount_cam, _REACH_PX, spacing_px=2.0)
+    return assess(readings, ids, backgrounds.scene.rig.robot.link_names)
 
 
 def assess(
@@ -119,7 +139,7 @@ def _view(
         for index, name in enumerate(link_names)
         if (quality := _link(reading, index, name)) is not None
     )
-    for quality in links:
+    for quality in sorted(links, key=lambda link: link.score):
         if quality.score < 0.2 and quality.length_px > 150.0:
             notes.append(f"Link {quality.link} hardly agrees with the picture.")
     return ViewQuality(view_id, links, edge, spread, weight, tuple(notes))

@@ -38,6 +38,9 @@ from easyhecpp.solve import Observation
 
 _OUTLIER = 0.6  # of the views' median overlap
 
+_CLEAR_SCORE, _CLEAR_MARGIN = 0.6, 0.1
+_LOOK = "Check that the outlined arm is the one whose joints were recorded."
+
 F32 = NDArray[np.float32]
 Assignment = tuple[tuple[int, ...], ...]
 
@@ -108,9 +111,25 @@ class ArmChoice:
     rival: float
 
     @property
-    def clear(self) -> bool:
-        """Whether it explains the views well, and no other thing does nearly as well."""
-        return self.score >= 0.6 and self.score - self.rival >= 0.1
+    def margin(self) -> float:
+        """By how much the mean overlap beats that of the best rival."""
+        return self.score - self.rival
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why it may be the wrong thing, sentences; none when it is clear."""
+        doubts: list[str] = []
+        if self.score < _CLEAR_SCORE:
+            doubts.append(
+                "The joints explain what the text model found poorly (mean overlap "
+                f"{self.score:.2f}). {_LOOK}"
+            )
+        if self.margin < _CLEAR_MARGIN:
+            doubts.append(
+                "Two things that the text model found are explained by the joints about as well "
+                f"(mean overlap {self.score:.2f} and {self.rival:.2f}). {_LOOK}"
+            )
+        return tuple(doubts)
 
 
 def masks_from_text(
@@ -140,8 +159,9 @@ def masks_from_text(
         require_usable(none_found, segmenter.name)
     choice = choose_arm(capture.rig, capture.camera, found, first_pose or sampled_poses, config)
     views = tuple(_chosen(h, choice, i, nothing) for i, h in enumerate(found))
-    notes = () if choice.clear else (_UNCLEAR,)
-    return CaptureMasks(views, PoseBelief(choice.T_mount_cam), notes)
+    return CaptureMasks(
+        views, PoseBelief(choice.T_mount_cam), doubts=choice.doubts, margin=choice.margin
+    )
 
 
 def choose_arm(
@@ -355,10 +375,3 @@ def _shrunk(masks: BoolArray, size: tuple[int, int]) -> F32:
     """Masks (N, H, W) as shares of covered area at another (width, height)."""
     small = [cv2.resize(m.astype(np.float32), size, interpolation=cv2.INTER_AREA) for m in masks]
     return np.stack(small) if small else np.zeros((0, size[1], size[0]), dtype=np.float32)
-
-
-_UNCLEAR = (
-    "What the text model found is explained poorly by the joints, or two things are explained "
-    "about as well: check in the report that the outlined arm is the one whose joints were "
-    "recorded."
-)

@@ -15,6 +15,7 @@ from easyhecpp.formats.result_blocks import RefinedParameter, RobotBlock, ViewRe
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
 from easyhecpp.session.from_masks import calibrate_from_masks
+from easyhecpp.session.mask_notes import mask_results, short_mask_notes
 from easyhecpp.session.masks import ChosenSource, PretrainedConfig, choose_source
 from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
 from easyhecpp.session.refinement import refine
@@ -131,16 +132,22 @@ def calibrate(
         margin=outcome.margin,
         doubts=outcome.doubts,
     )
+    notes = (
+        f"masks: {chosen.why}",
+        *outcome.notes,
+        *short_mask_notes(outcome.masks, outcome.quality),
+        *joint_notes(outcome.estimate),
+    )
     return Calibration(
         result=_result(
-            capture, config, chosen, outcome, verdict, stages, command, refined.corrections
+            capture, config, chosen, outcome, verdict, notes, stages, command, refined.corrections
         ),
         capture=capture,
         estimate=outcome.estimate,
         findings=outcome.findings,
         masks={v.view_id: v.mask for v in outcome.masks.views if v.mask is not None},
         before_edges=outcome.before_edges,
-        notes=(f"masks: {chosen.why}", *outcome.notes, *joint_notes(outcome.estimate)),
+        notes=notes,
     )
 
 
@@ -157,6 +164,7 @@ def _result(
     chosen: ChosenSource,
     outcome: Outcome,
     verdict: Verdict,
+    notes: tuple[str, ...],
     stages: Stages,
     command: str | None,
     corrections: tuple[Strain, ...],
@@ -170,6 +178,7 @@ def _result(
         camera=capture.camera,
         verdict=verdict.verdict,
         reasons=verdict.reasons,
+        notes=notes,
         T_mount_cam=estimate.T_mount_cam,
         covariance=estimate.covariance,
         workspace_point=middle[:3].tolist(),
@@ -184,6 +193,7 @@ def _result(
             )
             for v in estimate.views
         ],
+        masks=mask_results(outcome.masks, outcome.quality),
         refined=[
             RefinedParameter(
                 name=c.name,

@@ -8,8 +8,9 @@ from dataclasses import replace
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
 from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
-from easyhecpp.segment.edges import refine_edges
+from easyhecpp.segment.edges import EdgeRefinement, refine_edges
 from easyhecpp.segment.protocols import CaptureMasks, PoseBelief
+from easyhecpp.segment.quality import assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
@@ -64,7 +65,6 @@ def calibrate_classically(
             [estimate.T_mount_cam],
             replace(config, start_error_px=min(config.start_error_px, 8.0)),
         )
-    notes = tuple(f"view {q.view_id}: {note}" for q in found.quality for note in q.notes)
     return Outcome(
         estimate,
         _with_unseen(findings, capture.view_ids),
@@ -72,7 +72,8 @@ def calibrate_classically(
         found.margin,
         found.before_edges if edges else None,
         found.reasons,
-        (*notes, found.refinement.reason) if edges else notes,
+        (_edge_note(found.refinement),) if edges else (),
+        found.quality,
     )
 
 
@@ -117,16 +118,25 @@ def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outco
     with stages.stage("edges", "fitting the outline to the images"):
         scene = Scene(capture.rig, capture.camera, [view.joints for view in views])
         images = [view.image for view in views if view.image is not None]
+        backgrounds = Backgrounds(scene, images, outcome.estimate.T_mount_cam)
+        ids = [view.id for view in views]
+        silent = [ignore.get(name) for name in ids]
         refined = refine_edges(
-            Backgrounds(scene, images, outcome.estimate.T_mount_cam),
+            backgrounds,
             outcome.estimate,
-            ids=[view.id for view in views],
-            weights=[0.0 if view.id in out else 1.0 for view in views],
-            ignore=[ignore.get(view.id) for view in views],
+            ids=ids,
+            weights=[0.0 if name in out else 1.0 for name in ids],
+            ignore=silent,
         )
+        quality = assess_at(backgrounds, refined.estimate.T_mount_cam, ids, silent)
     return replace(
         outcome,
         estimate=refined.estimate,
         before_edges=outcome.estimate,
-        notes=(*outcome.notes, f"edges: {refined.reason}"),
+        notes=(*outcome.notes, _edge_note(refined)),
+        quality=quality,
     )
+
+
+def _edge_note(refined: EdgeRefinement) -> str:
+    return f"edges: {refined.reason}"

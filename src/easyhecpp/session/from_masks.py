@@ -46,8 +46,8 @@ def calibrate_from_masks(
         config: Settings of the optimiser.
     """
     loop = _Loop(capture, chosen, stages, config)
-    masks = loop.masks(None)
-    margin, start = loop.first_pose(masks, first_pose)
+    first = masks = loop.masks(None)
+    margin, start = loop.first_pose(first, first_pose)
     estimate, findings = loop.solve(masks, [start])
     for _ in range(_MAX_ROUNDS if chosen.refines else 0):
         before = estimate
@@ -55,7 +55,15 @@ def calibrate_from_masks(
         estimate, findings = loop.solve(masks, [estimate.T_mount_cam])
         if _same(before, estimate):
             break
-    return Outcome(estimate, findings, masks, margin, notes=masks.notes)
+    # Later masks are made at the first ones' pose: they cannot clear up which arm that was.
+    return Outcome(
+        estimate,
+        findings,
+        masks,
+        margin,
+        doubts=tuple(dict.fromkeys((*first.doubts, *masks.doubts))),
+        notes=tuple(dict.fromkeys((*first.notes, *masks.notes))),
+    )
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ class _Loop:
     ) -> tuple[float, F64]:
         """Margin of the best basin, and the pose to start from."""
         if masks.belief is not None:
-            return 1.0, masks.belief.T_mount_cam
+            return masks.margin, masks.belief.T_mount_cam
         seen = observations_of(self.capture, masks)
         with self.stages.stage("first pose", f"first pose from {len(seen)} views"):
             first = sample_initial_pose(

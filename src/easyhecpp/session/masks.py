@@ -246,5 +246,8 @@ class _FirstPoseElsewhere:
             ids=capture.view_ids,
         )
         return CaptureMasks(
-            found.masks, PoseBelief(found.T_mount_cam, found.estimate.covariance), found.reasons
+            found.masks,
+            PoseBelief(found.T_mount_cam, found.estimate.covariance),
+            doubts=found.reasons,
+            margin=found.margin,
         )

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from easyhecpp.capture import Capture
 from easyhecpp.geometry import inverse
 from easyhecpp.segment.protocols import CaptureMasks
+from easyhecpp.segment.quality import ViewQuality
 from easyhecpp.solve import Observation, PoseEstimate
 from easyhecpp.solve.consistency import Findings
 from easyhecpp.solve.leave_out import leave_one_out
@@ -31,6 +32,8 @@ class Outcome:
         before_edges: The pose before the edge stage; None where that stage was left out.
         doubts: Reasons, beyond those of the estimate, why it may be wrong; sentences.
         notes: What the user should know about how it was done.
+        quality: How well pictures and pose agree, view by view and link by link; empty where the
+            edges were not looked at.
     """
 
     estimate: PoseEstimate
@@ -40,6 +43,7 @@ class Outcome:
     before_edges: PoseEstimate | None = None
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    quality: tuple[ViewQuality, ...] = ()
 
 
 def observations_of(capture: Capture, masks: CaptureMasks) -> list[Observation]:

@@ -16,10 +16,12 @@ from easyhecpp.capture import Capture
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.report.html import write_report
+from easyhecpp.report.masks_page import write_masks_page
 from easyhecpp.report.overlay import write_overlays
 from easyhecpp.session.calibration import Calibration, robot_block
 
 RESULT, REPORT, OVERLAYS, MASKS = "result.json", "report.html", "overlays", "masks"
+MASKS_PAGE = "masks.html"
 
 
 @contextmanager
@@ -113,7 +115,7 @@ def save(found: Calibration, folder: Path) -> None:
 
 
 def save_masks(found: Calibration, folder: Path) -> list[Path]:
-    """Write the masks as ``masks/<view>.png``, and overlays to judge them by.
+    """Write the masks as ``masks/<view>.png``, overlays, and last the page to judge them by.
 
     Masks of other views that are there already stay: they may be somebody's work.
 
@@ -125,6 +127,7 @@ def save_masks(found: Calibration, folder: Path) -> list[Path]:
         for name, mask in zip(names, found.masks.values(), strict=True):
             write_image(stage / name, np.asarray(mask, np.float32) > 0.5)
         write_overlays(stage / OVERLAYS, found.capture, found.T_mount_cam, masks=found.masks)
+        write_masks_page(stage / MASKS_PAGE, found.result, found.capture, found.masks)
     return [folder / name for name in names]
 
 

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from easyhecpp.cli.output import complain, progress, say, say_json
+from easyhecpp.cli.output import FAILED, complain, progress, say, say_json, say_verdict
 from easyhecpp.cli.pretrained import PretrainedOptions
 from easyhecpp.errors import CalibrationError
 
 if TYPE_CHECKING:
     from easyhecpp.formats.result_file import ResultFile
     from easyhecpp.session import CalibrationConfig
-
-FAILED = 3
 
 
 @dataclass(frozen=True)
@@ -103,11 +101,7 @@ class Calibrate:
 
 
 def _summarise(result: ResultFile, notes: tuple[str, ...], out: Path) -> None:
-    for note in notes:
-        say(f"note: {note}")
-    say(f"verdict: {result.verdict}")
-    for reason in result.reasons:
-        say(f"  {reason}")
+    say_verdict(result, notes)
     pose, sigma = result.T_mount_cam, result.sigma
     if pose is not None:
         say(f"pose of {pose.child} in {pose.parent}:")

@@ -8,13 +8,13 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from easyhecpp.cli.output import progress, say
+from easyhecpp.cli.output import FAILED, progress, say, say_verdict
 from easyhecpp.cli.pretrained import PretrainedOptions
 
 
 @dataclass(frozen=True)
 class Segment:
-    """Make the arm's masks from the images and write them, with overlays to look at.
+    """Make the arm's masks from the images and write them, with a page to judge them by.
 
     Segmenters: classical (no weights), or pretrained pairs of a text and a box model: grounded-sam
     (the paper's), grounded-sam-large, grounded-sam-base, grounded-sam2, grounded-sam2-tiny,
@@ -26,7 +26,7 @@ class Segment:
     """Folder of the capture."""
 
     out: Path = Path("segmentation")
-    """Folder for masks/ and overlays/."""
+    """Folder for masks/, overlays/ and masks.html."""
 
     segmenter: str = "auto"
     """One of the names above; auto takes weights that are on this disk, else classical."""
@@ -39,11 +39,11 @@ class Segment:
     )
 
     def run(self, command_line: str) -> int:
-        """Segment and write."""
+        """Segment, write, and say whether the masks can be trusted."""
         from easyhecpp.capture import Capture
         from easyhecpp.session import CalibrationConfig, calibrate
         from easyhecpp.session.masks import segmenter_for_images
-        from easyhecpp.session.save import output_folder, save_masks
+        from easyhecpp.session.save import MASKS_PAGE, output_folder, save_masks
 
         with progress(self.quiet) as tell:
             tell("reading the capture")
@@ -59,7 +59,7 @@ class Segment:
                 )
                 tell("writing the masks")
                 written = save_masks(found, self.out)
-        for note in found.notes:
-            say(f"note: {note}")
+        say_verdict(found.result, (*capture.notes, *found.notes))
         say(f"{len(written)} of {len(capture.views)} masks written to {self.out / 'masks'}/")
-        return 0
+        say(f"Look at {self.out / MASKS_PAGE}")
+        return FAILED if found.result.verdict == "failed" else 0

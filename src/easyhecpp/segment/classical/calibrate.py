@@ -19,11 +19,10 @@ from easyhecpp.segment.classical.masks import masks_at
 from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
 from easyhecpp.segment.classical.search import PairScore, Scored, distinct
-from easyhecpp.segment.edge_reading import EdgeReader
 from easyhecpp.segment.edges import EdgeConfig, EdgeRefinement, refine_edges
 from easyhecpp.segment.pictures import Pictures, load_pictures
 from easyhecpp.segment.protocols import ViewMask
-from easyhecpp.segment.quality import ViewQuality, assess
+from easyhecpp.segment.quality import ViewQuality, assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.solve import Observation, PoseEstimate, SolveConfig, solve_pose
 
@@ -220,8 +219,7 @@ class ClassicalSegmenter:
 
     def _quality(self, T_mount_cam: F64) -> tuple[ViewQuality, ...]:
         assert self._backgrounds is not None  # refine has made it
-        readings = EdgeReader(self._backgrounds).read(T_mount_cam, 6.0, spacing_px=2.0)
-        return assess(readings, self.ids, self.rig.robot.link_names)
+        return assess_at(self._backgrounds, T_mount_cam, self.ids)
 
 
 def calibrate_from_images(
