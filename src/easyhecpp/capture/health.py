@@ -1,5 +1,7 @@
 """What pictures alone say about a recording: black, frozen or unevenly exposed frames.
 
+A frame that shows nothing, or shows again what another frame has shown, is none to calibrate with.
+
 Everything here is a pure function of the pictures. A picture is reduced to a few numbers first, so
 that a hundred views need not be in memory together.
 """
@@ -8,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import cv2
@@ -87,11 +89,15 @@ class HealthFinding:
         text: What it is.
         fix: What to do about it.
         views: Ids of the views it concerns.
+        unusable: For those views whose pictures must not be used, why, by view id.
+        hopeless: Whether no picture at all can be used.
     """
 
     text: str
     fix: str
     views: tuple[str, ...]
+    unusable: dict[str, str] = field(default_factory=dict)
+    hopeless: bool = False
 
 
 def health_findings(frames: Sequence[FrameStatistics]) -> list[HealthFinding]:
@@ -109,14 +115,15 @@ def blank_frames(frames: Sequence[FrameStatistics]) -> list[HealthFinding]:
         frame.view for frame in frames if frame.view not in black and frame.spread < _BLANK_SPREAD
     )
     fix = "Record these views again, or delete them; check exposure, lens cap and pixel format"
-    findings = []
-    if black:
-        findings.append(HealthFinding(f"Black images: {listing(black)}", fix, black))
-    if plain:
-        findings.append(
-            HealthFinding(f"Images of one colour all over: {listing(plain)}", fix, plain)
+    hopeless = len(black) + len(plain) == len(frames)
+    return [
+        HealthFinding(f"{text}: {listing(views)}", fix, views, dict.fromkeys(views, why), hopeless)
+        for text, views, why in (
+            ("Black images", black, "the image is black"),
+            ("Images of one colour all over", plain, "the image is of one colour all over"),
         )
-    return findings
+        if views
+    ]
 
 
 def frozen_frames(frames: Sequence[FrameStatistics]) -> list[HealthFinding]:
@@ -130,6 +137,7 @@ def frozen_frames(frames: Sequence[FrameStatistics]) -> list[HealthFinding]:
                 f"All {len(frames)} images are identical",
                 "Check that the camera delivered new frames while recording",
                 views,
+                hopeless=_moved_at_all(frames),
             )
         ]
     if all(_look_alike(first, frames[0]) for first in frames[1:]) and _moved_at_all(frames):
@@ -138,6 +146,7 @@ def frozen_frames(frames: Sequence[FrameStatistics]) -> list[HealthFinding]:
                 f"All {len(frames)} images show the same although the joints differ",
                 "Check that the arm is in view and that the camera delivered new frames",
                 views,
+                hopeless=True,
             )
         ]
     pairs = [
@@ -154,6 +163,8 @@ def frozen_frames(frames: Sequence[FrameStatistics]) -> list[HealthFinding]:
             "The camera was frozen or images and joints are out of step: record these views again, "
             "or delete them",
             tuple(dict.fromkeys(view for pair in pairs for view in pair)),
+            # The first of them may be in step; those that repeat it cannot be.
+            {after: f"the image is that of view {before} again" for before, after in pairs},
         )
     ]
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -13,12 +14,17 @@ from easyhecpp.capture import Capture
 from easyhecpp.capture.decode import check_decodable
 from easyhecpp.formats.result_blocks import RefinedParameter, RobotBlock, ViewResult
 from easyhecpp.formats.result_file import ResultFile
-from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
+from easyhecpp.session.from_images import (
+    FEWEST_VIEWS,
+    calibrate_classically,
+    refine_on_edges,
+)
 from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.mask_notes import mask_results, short_mask_notes
-from easyhecpp.session.masks import ChosenSource, PretrainedConfig, choose_source
+from easyhecpp.session.masks import GIVEN, ChosenSource, PretrainedConfig, choose_source
 from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
 from easyhecpp.session.refinement import refine
+from easyhecpp.session.screening import Screening, restored, screen_for_edges, screen_for_masks
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
 from easyhecpp.solve import PoseEstimate, SolveConfig
@@ -110,17 +116,24 @@ def calibrate(
         check_decodable(capture)
     with stages.stage("masks", "choosing where masks come from"):
         chosen = choose_source(config.segmenter, capture, config.pretrained)
-    if chosen.source is None:
-        outcome = calibrate_classically(capture, stages, config=config.solve, edges=config.edges)
-    else:
-        outcome = calibrate_from_masks(
-            capture, chosen, stages, first_pose=config.first_pose, config=config.solve
-        )
-    refined = refine(capture, outcome, config.refine, stages, config.solve)
+    screening = _screening(capture, chosen, config, stages)
+    whole = capture
+    if chosen.name != GIVEN:
+        capture = screening.usable(capture, 1 if chosen.source is not None else FEWEST_VIEWS)
+    with screening.explaining():
+        if chosen.source is None:
+            outcome = calibrate_classically(
+                capture, stages, config=config.solve, edges=config.edges
+            )
+        else:
+            outcome = calibrate_from_masks(
+                capture, chosen, stages, first_pose=config.first_pose, config=config.solve
+            )
+        refined = refine(capture, outcome, config.refine, stages, config.solve)
     capture, outcome = refined.capture, refined.outcome
     # The classical way ends with the edges itself, unless its pose was changed since.
     if config.edges and (chosen.source is not None or refined.corrections):
-        outcome = refine_on_edges(capture, outcome, stages)
+        outcome = refine_on_edges(capture, outcome, stages, without=screening.unusable)
     outcome = refined.with_doubt(outcome)
     if outcome.before_edges is not None:
         outcome = with_final_views(capture, outcome)
@@ -130,25 +143,56 @@ def calibrate(
         capture.rig,
         capture.camera,
         margin=outcome.margin,
-        doubts=outcome.doubts,
+        doubts=(*outcome.doubts, *screening.doubts),
     )
+    verdict = replace(verdict, reasons=(*verdict.reasons, *screening.sentences))
     notes = (
         f"masks: {chosen.why}",
+        *screening.notes,
         *outcome.notes,
         *short_mask_notes(outcome.masks, outcome.quality),
         *joint_notes(outcome.estimate),
     )
+    views = screening.with_left_out(whole, _view_results(outcome))
+    result = _result(
+        capture, config, chosen, outcome, verdict, notes, views, stages, command,
+        refined.corrections,
+    )  # fmt: skip
     return Calibration(
-        result=_result(
-            capture, config, chosen, outcome, verdict, notes, stages, command, refined.corrections
-        ),
-        capture=capture,
+        result=result,
+        capture=restored(whole, capture),
         estimate=outcome.estimate,
         findings=outcome.findings,
         masks={v.view_id: v.mask for v in outcome.masks.views if v.mask is not None},
         before_edges=outcome.before_edges,
         notes=notes,
     )
+
+
+def _screening(
+    capture: Capture, chosen: ChosenSource, config: CalibrationConfig, stages: Stages
+) -> Screening:
+    """What the pictures are fit for; nothing is said where none is used."""
+    if chosen.name == GIVEN and not config.edges:
+        return Screening()
+    with stages.stage("screening", "looking at the pictures"):
+        return screen_for_edges(capture) if chosen.name == GIVEN else screen_for_masks(capture)
+
+
+def _view_results(outcome: Outcome) -> list[ViewResult]:
+    """How each view took part."""
+    flags = {v.id: v.flags for v in outcome.findings.views}
+    return [
+        ViewResult(
+            id=v.id,
+            weight=v.weight,
+            rms_px=v.rms_px,
+            iou=min(1.0, v.iou) if np.isfinite(v.iou) else None,
+            prediction_px=v.prediction_px,
+            flags=tuple(dict.fromkeys((*v.flags, *flags.get(v.id, ())))),
+        )
+        for v in outcome.estimate.views
+    ]
 
 
 def robot_block(capture: Capture) -> RobotBlock:
@@ -165,13 +209,13 @@ def _result(
     outcome: Outcome,
     verdict: Verdict,
     notes: tuple[str, ...],
+    views: Sequence[ViewResult],
     stages: Stages,
     command: str | None,
     corrections: tuple[Strain, ...],
 ) -> ResultFile:
     estimate = outcome.estimate
     middle = estimate.T_mount_cam @ np.append(estimate.centre_cam, 1.0)
-    flags = {v.id: v.flags for v in outcome.findings.views}
     return ResultFile.build(
         setup=capture.setup,
         robot=robot_block(capture),
@@ -182,17 +226,7 @@ def _result(
         T_mount_cam=estimate.T_mount_cam,
         covariance=estimate.covariance,
         workspace_point=middle[:3].tolist(),
-        views=[
-            ViewResult(
-                id=v.id,
-                weight=v.weight,
-                rms_px=v.rms_px,
-                iou=min(1.0, v.iou) if np.isfinite(v.iou) else None,
-                prediction_px=v.prediction_px,
-                flags=tuple(dict.fromkeys((*v.flags, *flags.get(v.id, ())))),
-            )
-            for v in estimate.views
-        ],
+        views=views,
         masks=mask_results(outcome.masks, outcome.quality),
         refined=[
             RefinedParameter(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
@@ -14,7 +16,7 @@ from easyhecpp.segment.quality import assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
-from easyhecpp.solve import SolveConfig
+from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings, ViewFinding, solve_consistent
 from easyhecpp.solve.reasons import FEW_CONTOUR
 
@@ -103,15 +105,24 @@ def _with_unseen(findings: Findings, ids: Sequence[str]) -> Findings:
     return replace(findings, views=views)
 
 
-def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outcome:
+def refine_on_edges(
+    capture: Capture, outcome: Outcome, stages: Stages, *, without: Collection[str] = ()
+) -> Outcome:
     """Fit the contour to the image's own edges, where that is possible and proves better.
 
     Left out without images, with fewer than three views, or with a camera that moves with the arm.
+
+    Args:
+        capture: The views.
+        outcome: The pose so far.
+        stages: Told about the stage.
+        without: Views whose pictures are of no use.
     """
-    used = {view.id: view.weight for view in outcome.estimate.views}
-    views = [view for view in capture.views if view.has_image and view.id in used]
+    used = [view.id for view in outcome.estimate.views]
+    views = [v for v in capture.views if v.id in used and v.id not in without and v.has_image]
+    blind = [name for name in used if name in without]
     still = capture.rig.mount == capture.robot.base_link
-    if len(views) < FEWEST_VIEWS or len(views) < len(used) or not still:
+    if len(views) < FEWEST_VIEWS or len(views) + len(blind) < len(used) or not still:
         return outcome
     out = set(outcome.findings.inconsistent)
     ignore = {mask.view_id: mask.ignore for mask in outcome.masks.views}
@@ -129,9 +140,12 @@ def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outco
             ignore=silent,
         )
         quality = assess_at(backgrounds, refined.estimate.T_mount_cam, ids, silent)
+    estimate = refined.estimate
+    if refined.accepted and blind:
+        estimate = _with_blind(estimate, outcome.estimate)
     return replace(
         outcome,
-        estimate=refined.estimate,
+        estimate=estimate,
         before_edges=outcome.estimate,
         notes=(*outcome.notes, _edge_note(refined)),
         quality=quality,
@@ -140,3 +154,31 @@ def refine_on_edges(capture: Capture, outcome: Outcome, stages: Stages) -> Outco
 
 def _edge_note(refined: EdgeRefinement) -> str:
     return f"edges: {refined.reason}"
+
+
+def _with_blind(estimate: PoseEstimate, start: PoseEstimate) -> PoseEstimate:
+    """The edges' estimate with an entry of no weight for the views that they did not see.
+
+    Args:
+        estimate: Of the edge stage, for some of the views.
+        start: Of the masks, for all of them; its order is kept.
+    """
+    rows = {view.id: row for row, view in enumerate(estimate.views)}
+    views, contours = [], []
+    information, vectors = np.zeros((len(start.views), 7, 7)), np.zeros((len(start.views), 7))
+    for i, (view, contour) in enumerate(zip(start.views, start.contours, strict=True)):
+        row = rows.get(view.id)
+        if row is None:
+            views.append(replace(view, weight=0.0))
+            contours.append(contour)
+        else:
+            views.append(estimate.views[row])
+            contours.append(estimate.contours[row])
+            information[i], vectors[i] = estimate.information[row], estimate.vectors[row]
+    return replace(
+        estimate,
+        views=tuple(views),
+        contours=tuple(contours),
+        information=information,
+        vectors=vectors,
+    )
