@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_arm import write_urdf
 
 from easyhecpp.bench.adam import AdamRow
 from easyhecpp.bench.baxter import BaxterBench
@@ -94,6 +95,29 @@ def test_a_table_is_printed_and_written_with_all_rows_and_a_plot(
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        ["photo", "--robots"],
+        ["eye-to-hand", "--robot"],
+        ["targeting", "--robot"],
+        ["init", "--robot"],
+        ["marker", "--robot"],
+        ["solve", "--robot"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_an_arm_without_limits_is_refused_before_the_first_scene(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("mitsuba", reason="bench photo needs it before anything else")
+    urdf = write_urdf(tmp_path)
+    urdf.write_text(urdf.read_text().replace('lower="-1.2" upper="1.2"', 'lower="0" upper="0"'))
+    assert main(["bench", *words, str(urdf), "--out", str(tmp_path / "table.md")]) == 2
+    assert "The limits of pitch [0, 0] are missing or mean nothing" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [urdf]
+
+
+@pytest.mark.parametrize(
     ("words", "expected"),
     [
         (["photo", "--size", "large"], "no size of a picture"),
@@ -106,6 +130,13 @@ def test_a_table_is_printed_and_written_with_all_rows_and_a_plot(
         (["marker", "--robot", "hal9000"], "no built-in robot"),
         (["adam", "--steps", "0"], "steps is 0"),
         (["targeting", "--trials", "0"], "trials is 0"),
+        (["targeting", "--views", "0"], "views is 0"),
+        (["targeting", "--ee-link", "hook"], "No link is called 'hook'"),
+        (["eye-to-hand", "--choose", "random", "random"], "named twice"),
+        (["photo", "--views", "2"], "views is 2"),
+        (["solve", "--scenes", "0"], "scenes is 0"),
+        (["trust", "--scenes", "0"], "scenes is 0"),
+        (["trust", "--width", "8"], "width is 8"),
         (["baxter", "--data", "nowhere"], "Cannot be read"),
         (["real", "nowhere"], "No capture below this folder"),
     ],

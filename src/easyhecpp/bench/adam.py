@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp._optional import require
 from easyhecpp._parallel import parallel_map
 from easyhecpp.baselines.adam import (
     AdamConfig,
@@ -25,9 +26,9 @@ from easyhecpp.baselines.adam import (
 )
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.published import FIRST_POSE
-from easyhecpp.bench.scenes_pool import RowFile, resumed
-from easyhecpp.bench.stages import MaskStage
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
+from easyhecpp.bench.stages import MaskStage, arm_for_scenes
+from easyhecpp.errors import InputError
 from easyhecpp.geometry import exp_se3, inverse, perturb_about, transform_points
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.solve import solve_pose
@@ -125,7 +126,8 @@ def run_adam_bench(
     for name, value in (("scenes", bench.scenes), ("views", bench.views), ("steps", bench.steps)):
         if value < 1:
             raise InputError(f"{name} is {value}", expected="1 or more")
-    load_robot(bench.robot)
+    arm_for_scenes(bench.robot)
+    require("torch", "models", "The Adam baseline")
     kept = RowFile(rows_file, bench.settings())
     return resumed(partial(adam_rows, bench), _row, bench.scenes, kept, progress=progress)
 
@@ -162,7 +164,7 @@ def _our_row(stage: MaskStage, scene: int, start: F64) -> AdamRow:
     clock = time.perf_counter()
     try:
         T = solve_pose(stage.rig, stage.camera, stage.observations, start).T_mount_cam
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return AdamRow(scene, OURS, status=str(error))
     seconds = time.perf_counter() - clock
     error = PoseError.between(T, stage.T_mount_cam)

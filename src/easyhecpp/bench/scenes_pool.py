@@ -11,10 +11,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
-from easyhecpp.errors import InputError
+from easyhecpp.errors import CalibrationError, InputError, NothingSuitsError
 
 Job = TypeVar("Job")
 Row = TypeVar("Row")
+
+SCENE_FAILURES = (CalibrationError, NothingSuitsError)
+"""What a scene may fail with and be counted; anything else concerns all scenes and ends the run."""
 
 
 def in_order(

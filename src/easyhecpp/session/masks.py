@@ -92,6 +92,23 @@ def choose_source(
     return _pretrained(segmenter, "as asked", text_weights, box_weights, device)
 
 
+def check_segmenter(
+    segmenter: str,
+    *,
+    text_weights: str | Path | None = None,
+    box_weights: str | Path | None = None,
+    device: str | None = None,
+) -> None:
+    """Raise what `choose_source` would raise for any capture, before work on many of them.
+
+    Raises:
+        InputError: Unknown name, or weights that cannot be had.
+        MissingExtraError: A pretrained name without torch and transformers.
+    """
+    if segmenter not in (AUTO, GIVEN, CLASSICAL):
+        _pretrained(segmenter, "as asked", text_weights, box_weights, device)
+
+
 def segmenter_for_images(segmenter: str) -> str:
     """What ``auto`` stands for where masks are to be made: weights on this disk, else classical."""
     if segmenter != AUTO:

@@ -24,7 +24,7 @@ class BenchSolve:
     """Calibrate simulated scenes from nothing with degraded masks; compare with the truth."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
 
     scenes: int = 20
     """Number of scenes."""

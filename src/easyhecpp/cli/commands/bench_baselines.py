@@ -9,7 +9,7 @@ from typing import Literal
 
 from easyhecpp.cli.commands.bench_pictures import picture_size
 from easyhecpp.cli.output import progress
-from easyhecpp.cli.publish import publish
+from easyhecpp.cli.publish import publish, rows_file
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,11 @@ class BenchMarker:
     """What is screwed to the arm."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
+
+    ee_link: str | None = None
+    """The link that holds the board; when left out, the known one of an arm by name, or the last
+    link of the longest chain of a URDF."""
 
     size: str = "1280x720"
     """Of the pictures, WIDTHxHEIGHT."""
@@ -53,12 +57,18 @@ class BenchMarker:
         from easyhecpp.bench.table import describe_machine
 
         bench = MarkerBench(
-            self.scenes, self.seed, self.poses, self.board, self.robot, picture_size(self.size)
+            self.scenes,
+            self.seed,
+            self.poses,
+            self.board,
+            self.robot,
+            picture_size(self.size),
+            self.ee_link,
         )
         with progress(quiet=False) as tell:
             rows = run_marker_bench(
                 bench,
-                rows_file=None if self.out is None else self.out.with_suffix(".rows.jsonl"),
+                rows_file=rows_file(self.out),
                 workers=self.workers,
                 progress=lambda done, last: tell(
                     f"{done} of {self.scenes} scenes; "
@@ -98,7 +108,7 @@ class BenchAdam:
     """Steps of Adam."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
 
     size: str = "1280x720"
     """Of the masks, WIDTHxHEIGHT."""
@@ -119,7 +129,7 @@ class BenchAdam:
         with progress(quiet=False) as tell:
             rows = run_adam_bench(
                 bench,
-                rows_file=None if self.out is None else self.out.with_suffix(".rows.jsonl"),
+                rows_file=rows_file(self.out),
                 progress=lambda done, last: tell(
                     f"{done} of {self.scenes} scenes; "
                     + ", ".join(
