@@ -162,8 +162,7 @@ def run_photo_bench(
     """
     _check(bench)
     kept = RowFile(rows_file, bench.settings())
-    rows = {row["scene"]: _row_from(dict(row)) for row in kept.rows}
-    rows = {scene: row for scene, row in rows.items() if scene < bench.scenes}
+    rows = {scene: row for scene, row in kept.rows(_row_from).items() if scene < bench.scenes}
     missing = [scene for scene in range(bench.scenes) if scene not in rows]
     work = partial(photo_row, bench, folder)
     # The path tracer keeps memory of its own: processes are replaced now and then.
