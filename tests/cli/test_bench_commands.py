@@ -117,6 +117,66 @@ def test_an_arm_without_limits_is_refused_before_the_first_scene(
     assert list(tmp_path.iterdir()) == [urdf]
 
 
+def run_targeting_table(out: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    words, _, rows = TABLES["targeting"]
+    module = importlib.import_module("easyhecpp.bench.targeting")
+    monkeypatch.setattr(module, "run_targeting", lambda *a, **k: rows)
+    return main(["bench", *words, "--out", out])
+
+
+@pytest.mark.parametrize(
+    ("out", "expected"),
+    [
+        ("table.json", "'table.json' is no markdown file"),
+        ("table.png", "'table.png' is no markdown file"),
+        ("", "'.' is a folder"),
+        ("/", "'/' is a folder"),
+        ("there", "'there' is a folder"),
+        ("there.md", "'there.json' is a folder"),
+        ("file/table.md", "is no folder that can be written"),
+    ],
+)
+def test_a_place_for_the_table_that_cannot_be_is_refused_before_the_run(
+    out: str,
+    expected: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there.json").mkdir()
+    (tmp_path / "file").touch()
+    assert run_targeting_table(out, monkeypatch) == 2
+    captured = capsys.readouterr()
+    assert expected in captured.err
+    assert captured.out == ""
+
+
+def test_a_name_without_a_suffix_is_that_of_a_markdown_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    assert run_targeting_table(str(tmp_path / "table"), monkeypatch) == 0
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["table.json", "table.md", "table.png"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["bench", name] for name in ("solve", "trust", "photo", "eye-to-hand", "init")),
+        *(["bench", name] for name in ("targeting", "baxter", "marker", "adam")),
+        ["bench", "repeat", "."],
+        ["demo"],
+        ["explore", "."],
+    ],
+    ids=" ".join,
+)
+def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]):
+    assert main([*words, "--seed", "-1"]) == 2
+    assert "The seed is -1 (--seed). Expected: 0 or more." in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
