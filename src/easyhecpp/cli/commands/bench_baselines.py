@@ -113,6 +113,13 @@ class BenchAdam:
     size: str = "1280x720"
     """Of the masks, WIDTHxHEIGHT."""
 
+    combine: Literal["union", "sum"] = "union"
+    """How Adam's rendering puts links together: exact union, or min(1, sum) as published, which is
+    eight times slower."""
+
+    half_pixel: bool = False
+    """Let Adam count pixels from the picture's edge, as the published code does."""
+
     out: Path | None = None
     """Markdown file to write; a .json and a .png stand beside it, and a .rows.jsonl that an
     interrupted run goes on from."""
@@ -124,7 +131,14 @@ class BenchAdam:
         from easyhecpp.bench.table import describe_machine
 
         bench = AdamBench(
-            self.scenes, self.seed, self.views, self.steps, self.robot, picture_size(self.size)
+            self.scenes,
+            self.seed,
+            self.views,
+            self.steps,
+            self.robot,
+            picture_size(self.size),
+            self.combine,
+            self.half_pixel,
         )
         with progress(quiet=False) as tell:
             rows = run_adam_bench(
