@@ -4,7 +4,13 @@ import pickle
 
 import pytest
 
-from easyhecpp.errors import CalibrationError, EasyHecError, InputError, MissingExtraError
+from easyhecpp.errors import (
+    CalibrationError,
+    EasyHecError,
+    InputError,
+    MissingExtraError,
+    NothingSuitsError,
+)
 
 
 def test_input_error_reads_as_sentences():
@@ -50,6 +56,7 @@ def test_missing_extra_error_tells_a_broken_package_from_an_absent_one():
     "error",
     [
         InputError("a", where="b", expected="c", fix="d"),
+        NothingSuitsError("a", where="b", expected="c", fix="d"),
         MissingExtraError("a", "b", "c", "d"),
         CalibrationError("No view shows the arm"),
     ],

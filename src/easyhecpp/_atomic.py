@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from easyhecpp.errors import InputError
 
-_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""Error numbers that mean that there is no space left for a file."""
 
 
 @contextlib.contextmanager
@@ -49,7 +50,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.replace(final)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        if isinstance(error, OSError) and error.errno in NO_ROOM:
             raise InputError(
                 f"Cannot write the file: {error.strerror}",
                 where=final,

@@ -1,14 +1,18 @@
-"""Threads for work that releases the GIL (compiled kernels, OpenCV)."""
+"""Threads for work that releases the GIL (compiled kernels, OpenCV); processes that are lost."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from functools import cache
 from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
+
+from easyhecpp.errors import CalibrationError
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -44,3 +48,19 @@ def parallel_map(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
     # meanwhile: its threads on top of ours would wait for each other.
     with _blas().limit(limits=1, user_api="blas"):
         return list(_pool(os.getpid()).map(function, todo))
+
+
+@contextmanager
+def lost_processes_told() -> Iterator[None]:
+    """Say in a sentence that the system ended a process of a `ProcessPoolExecutor`.
+
+    Raises:
+        CalibrationError: It did.
+    """
+    try:
+        yield
+    except BrokenProcessPool as error:
+        raise CalibrationError(
+            "The system ended a worker process, most likely for want of memory. Repeat the command "
+            "with fewer workers: finished scenes that were written are kept."
+        ) from error

@@ -42,7 +42,15 @@ class InputError(EasyHecError):
     def __reduce__(self) -> tuple[object, ...]:
         # The default would call __init__ with the joined text; worker processes send errors back
         # pickled.
-        return (_rebuild_input_error, (self.what, self.where, self.expected, self.fix))
+        return (_rebuild_input_error, (type(self), self.what, self.where, self.expected, self.fix))
+
+
+class NothingSuitsError(InputError):
+    """All that was given can be read and used, but no answer was found that suits it.
+
+    No joint pose that the camera sees, no view that shows the arm. A benchmark counts it as a
+    failed scene; any other `InputError` there is a mistake that concerns all scenes.
+    """
 
 
 class MissingExtraError(EasyHecError, ImportError):
@@ -75,9 +83,9 @@ class CalibrationError(EasyHecError):
 
 
 def _rebuild_input_error(
-    what: str, where: str | None, expected: str | None, fix: str | None
+    kind: type[InputError], what: str, where: str | None, expected: str | None, fix: str | None
 ) -> InputError:
-    return InputError(what, where=where, expected=expected, fix=fix)
+    return kind(what, where=where, expected=expected, fix=fix)
 
 
 def _bare(text: str) -> str:

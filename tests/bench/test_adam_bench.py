@@ -67,6 +67,26 @@ def test_a_scene_can_be_repeated_alone(rows: tuple[AdamRow, ...]) -> None:
     assert one[0].position_mm == rows[0].position_mm
 
 
+def test_adam_as_published_is_another_adam_and_says_so(rows: tuple[AdamRow, ...]) -> None:
+    few = replace(BENCH, steps=3)
+    published = replace(few, combine="sum", half_pixel=True)
+    ours, *_ = adam_rows(published, 0)
+    assert ours.position_mm == rows[0].position_mm
+    assert published.config.combine == "sum"
+    assert published.config.half_pixel_bias
+    ends = {
+        adam_rows(bench, 0)[1].position_mm
+        for bench in (few, replace(few, combine="sum"), replace(few, half_pixel=True), published)
+    }
+    assert len(ends) == 4
+    told, plain = (" ".join(adam_table(bench, rows).notes) for bench in (published, few))
+    assert "min(1, sum) of the links' silhouettes" in told
+    assert "exact union" not in told
+    assert "with the published half pixel" in told
+    assert "its exact union of the links" in plain
+    assert "without the published half pixel" in plain
+
+
 def given(scene: int, ours_mm: float, adam_mm: float, reached_s: float | None) -> list[AdamRow]:
     return [
         AdamRow(scene, OURS, ours_mm, 0.01, 0.5),

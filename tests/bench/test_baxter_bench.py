@@ -84,6 +84,17 @@ def test_the_table_and_the_plot():
     assert len(baxter_plot(bench).axes) == 2
 
 
+@pytest.mark.parametrize(
+    ("segmenter", "words"),
+    [("scissors", "unknown segmenter 'scissors'"), ("given", "holds no masks")],
+)
+def test_a_segmenter_that_cannot_run_is_told_before_any_calibration(
+    segmenter: str, words: str, tmp_path: Path
+):
+    with pytest.raises(InputError, match=words):
+        run_baxter_recording(recording(tmp_path, GOOD), segmenter)
+
+
 def test_bad_input():
     with pytest.raises(InputError, match="scenes is 0"):
         run_baxter_stand_in(scenes=0, seed=1)

@@ -17,7 +17,7 @@ from easyhecpp.bench.eye_to_hand import (
 from easyhecpp.bench.eye_to_hand_table import eye_to_hand_plot, eye_to_hand_table
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.stages import MaskStage
-from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.errors import CalibrationError, InputError, MissingExtraError
 from easyhecpp.sim.possible_poses import PossiblePoses
 from easyhecpp.sim.robots import load_robot
 
@@ -90,6 +90,31 @@ def test_every_step_counts_and_a_lost_camera_gets_blind_poses(
     np.testing.assert_array_equal(looked, blind)
 
 
+@pytest.mark.parametrize(
+    "error", [InputError("an option is wrong"), MissingExtraError("torch", "models", "It")]
+)
+def test_what_concerns_all_scenes_is_no_failed_scene(
+    error: Exception, blind: np.ndarray, monkeypatch: pytest.MonkeyPatch
+):
+    def refuse(stage: MaskStage) -> None:
+        raise error
+
+    monkeypatch.setattr(MaskStage, "estimate", refuse)
+    with pytest.raises(type(error)):
+        scene_steps(BENCH, blind, 0)
+
+
+def test_a_small_real_run():
+    """Nothing is replaced: both joint poses are chosen, the first one for an unknown camera."""
+    bench = EyeToHandBench(1, 3, views=2, size=(320, 180))
+    first, second = run_eye_to_hand(bench)
+    assert first.error is not None, first.status
+    assert second.error is not None, second.status
+    assert second.error.is_right
+    assert second.choosing_s is not None
+    assert not second.blind
+
+
 def test_scenes_are_resumed(known_poses: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     done: list[int] = []
 
@@ -130,6 +155,8 @@ def test_the_table_puts_ours_beside_the_published_rows():
         (EyeToHandBench(0, 1), "scenes is 0"),
         (EyeToHandBench(1, 1, choose=("luck",)), "called luck"),
         (EyeToHandBench(1, 1, choose=()), "called nothing"),
+        (EyeToHandBench(1, 1, choose=("random", "random")), "named twice: random, random"),
+        (EyeToHandBench(1, 1, samples=0), "spp is 0"),
         (EyeToHandBench(1, 1, robot="hal"), "no built-in robot"),
     ],
 )

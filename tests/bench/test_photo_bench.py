@@ -12,7 +12,7 @@ import pytest
 from easyhecpp.bench import photo
 from easyhecpp.bench.photo import PhotoBench, PhotoRow, photo_row
 from easyhecpp.bench.photo_table import photo_plot, photo_table
-from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.errors import CalibrationError, InputError, MissingExtraError, NothingSuitsError
 from easyhecpp.geometry import exp_se3
 
 BENCH = PhotoBench(scenes=4, seed=5, arms=("xarm7", "panda"), views=3, size=(96, 64), samples=1)
@@ -30,7 +30,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
     def make(root: Path, plan: object, scene: int) -> None:
         if scene == 3:
-            raise InputError("no camera sees the arm")
+            raise NothingSuitsError("no camera sees the arm")
         made.append(scene)
         place = root / f"scene_{scene:04d}"
         place.mkdir(parents=True)
@@ -64,8 +64,21 @@ def test_every_scene_counts_and_failures_keep_their_text(stand_ins: list[int], t
     assert rows[0].position_mm == pytest.approx(1.0)
     assert rows[0].before_mm == pytest.approx(3.0)
     assert rows[2].reasons == ("CalibrationError: nothing moved",)
-    assert rows[3].reasons == ("InputError: no camera sees the arm.",)
+    assert rows[3].reasons == ("NothingSuitsError: no camera sees the arm.",)
     assert not rows[3].made
+
+
+def test_what_concerns_all_scenes_ends_the_run(
+    stand_ins: list[int], monkeypatch: pytest.MonkeyPatch
+):
+    for error in (InputError("the disk is full"), MissingExtraError("mitsuba", "sim", "It")):
+
+        def refuse(*_: object, error: Exception = error) -> None:
+            raise error
+
+        monkeypatch.setattr(photo, "make_scene", refuse)
+        with pytest.raises(type(error)):
+            photo.run_photo_bench(BENCH)
 
 
 def test_an_interrupted_run_goes_on(stand_ins: list[int], tmp_path: Path):
@@ -130,6 +143,7 @@ def test_the_table_sums_up():
         (PhotoBench(0, 1), "scenes is 0"),
         (PhotoBench(1, 1, arms=("hal9000",)), "no built-in robot called 'hal9000'"),
         (PhotoBench(1, 1, arms=()), "No arm is named"),
+        (PhotoBench(1, 1, views=2), "views is 2.*3 or more"),
         (PhotoBench(1, 1, difficulty="mean"), "no difficulty 'mean'"),
     ],
 )

@@ -12,8 +12,9 @@ import pytest
 
 from easyhecpp.bench import real
 from easyhecpp.bench.real import real_plot, real_table, run_real_bench
-from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.errors import CalibrationError, InputError, MissingExtraError
 from easyhecpp.geometry import exp_se3, inverse
+from easyhecpp.session import CalibrationConfig
 
 T_LEFT = exp_se3(np.array([0.5, 0.1, 0.8, 0.3, -0.2, 0.1]))
 T_RIGHT = T_LEFT @ exp_se3(np.array([0.06, 0.0, 0.0, 0.0, 0.01, 0.0]))
@@ -89,6 +90,25 @@ def test_one_capture_by_itself(calibrated: list[str], tmp_path: Path):
     write_truth(tmp_path / "left", {"T_mount_cam": {"matrix": T_LEFT.tolist()}})
     (row,) = run_real_bench(tmp_path / "left")
     assert row.name == "left"
+
+
+def test_a_segmenter_that_cannot_run_is_told_before_the_first_recording(
+    calibrated: list[str], tmp_path: Path
+):
+    write_truth(tmp_path / "right", {"T_base_cam": T_RIGHT.tolist()})
+    with pytest.raises(InputError, match="unknown segmenter 'scissors'"):
+        run_real_bench(tmp_path, CalibrationConfig(segmenter="scissors"))
+    assert calibrated == []
+
+
+def test_a_missing_package_is_no_failed_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def missing(folder: Path) -> None:
+        raise MissingExtraError("torch", "models", "It")
+
+    monkeypatch.setattr(real.Capture, "load", missing)
+    write_truth(tmp_path / "right", {"T_base_cam": T_RIGHT.tolist()})
+    with pytest.raises(MissingExtraError):
+        run_real_bench(tmp_path)
 
 
 def test_nothing_to_measure(tmp_path: Path):

@@ -51,6 +51,14 @@ def test_too_few_views_for_two_halves_are_refused(capture: Capture) -> None:
         run_repeat_bench(capture.subset(capture.view_ids[:5]), splits=1, seed=0)
 
 
+def test_the_classical_way_is_left_out_for_a_camera_on_the_arm(capture: Capture) -> None:
+    views = tuple(View(v.id, v.joints, np.zeros((270, 480, 3), np.uint8)) for v in capture.views)
+    link = capture.robot.frame_names[-1]
+    riding = Capture("wrist", None, "eye-in-hand", capture.robot, capture.camera, views, link)
+    with pytest.raises(InputError, match="neither masks nor images"):
+        run_repeat_bench(riding, splits=1, seed=0)
+
+
 def test_a_recording_without_pictures_is_refused(capture: Capture) -> None:
     views = tuple(View(view.id, view.joints) for view in capture.views)
     bare = Capture("bare", None, "eye-to-hand", capture.robot, capture.camera, views)

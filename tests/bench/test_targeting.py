@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,9 +17,8 @@ from easyhecpp.bench.targeting import (
     scene_targets,
     targeting_plot,
     targeting_table,
-    tip_link,
 )
-from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.errors import CalibrationError, InputError, MissingExtraError
 from easyhecpp.geometry import inverse, make_transform, transform_points
 from easyhecpp.sim.robots import load_robot
 
@@ -74,7 +75,7 @@ def test_without_a_pose_every_attempt_is_a_miss(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(MaskStage, "estimate", lost)
     monkeypatch.setattr(MaskStage, "look", lambda stage, joints: None)
-    found = scene_targets(BENCH, 2, np.zeros((1, 7)), 0)
+    found = scene_targets(BENCH, 2, "link7", np.zeros((1, 7)), 0)
     assert [t.tip_mm for t in found] == [None, None]
     table = targeting_table(BENCH, found)
     assert any("2 of 2" in note for note in table.notes)
@@ -89,8 +90,38 @@ def test_the_table_and_the_plot():
     assert len(targeting_plot(targets).axes) == 1
 
 
-def test_bad_input():
-    with pytest.raises(InputError, match="trials is 0"):
-        run_targeting(BENCH, 0)
-    with pytest.raises(InputError, match="no built-in robot"):
-        tip_link("hal")
+def test_a_small_real_run():
+    """Nothing is replaced: joint poses are chosen, masks are made, the camera is found."""
+    targets = run_targeting(replace(BENCH, size=(1280, 720)), 3)
+    assert [target.trial for target in targets] == [0, 1, 2]
+    made = [target for target in targets if target.status == ""]
+    assert made
+    for target in made:
+        assert target.tip_mm < 20.0
+        assert target.ideal_mm < 5.0
+
+
+@pytest.mark.parametrize(
+    "error", [InputError("an option is wrong"), MissingExtraError("torch", "models", "It")]
+)
+def test_what_concerns_all_scenes_is_no_miss(error: Exception, monkeypatch: pytest.MonkeyPatch):
+    def refuse(stage: MaskStage, joints: np.ndarray) -> None:
+        raise error
+
+    monkeypatch.setattr(MaskStage, "look", refuse)
+    with pytest.raises(type(error)):
+        scene_targets(BENCH, 2, "link7", np.zeros((1, 7)), 0)
+
+
+@pytest.mark.parametrize(
+    ("bench", "trials", "ee_link", "words"),
+    [
+        (BENCH, 0, None, "trials is 0"),
+        (replace(BENCH, views=0), 1, None, "views is 0"),
+        (replace(BENCH, robot="hal"), 1, None, "no built-in robot"),
+        (BENCH, 1, "hand", "No link is called 'hand'"),
+    ],
+)
+def test_bad_input(bench: EyeToHandBench, trials: int, ee_link: str | None, words: str):
+    with pytest.raises(InputError, match=words):
+        run_targeting(bench, trials, ee_link=ee_link)

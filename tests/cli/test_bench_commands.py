@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_arm import write_urdf
 
 from easyhecpp.bench.adam import AdamRow
 from easyhecpp.bench.baxter import BaxterBench
@@ -94,6 +95,89 @@ def test_a_table_is_printed_and_written_with_all_rows_and_a_plot(
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        ["photo", "--robots"],
+        ["eye-to-hand", "--robot"],
+        ["targeting", "--robot"],
+        ["init", "--robot"],
+        ["marker", "--robot"],
+        ["solve", "--robot"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_an_arm_without_limits_is_refused_before_the_first_scene(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    pytest.importorskip("mitsuba", reason="bench photo needs it before anything else")
+    urdf = write_urdf(tmp_path)
+    urdf.write_text(urdf.read_text().replace('lower="-1.2" upper="1.2"', 'lower="0" upper="0"'))
+    assert main(["bench", *words, str(urdf), "--out", str(tmp_path / "table.md")]) == 2
+    assert "The limits of pitch [0, 0] are missing or mean nothing" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == [urdf]
+
+
+def run_targeting_table(out: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    words, _, rows = TABLES["targeting"]
+    module = importlib.import_module("easyhecpp.bench.targeting")
+    monkeypatch.setattr(module, "run_targeting", lambda *a, **k: rows)
+    return main(["bench", *words, "--out", out])
+
+
+@pytest.mark.parametrize(
+    ("out", "expected"),
+    [
+        ("table.json", "'table.json' is no markdown file"),
+        ("table.png", "'table.png' is no markdown file"),
+        ("", "'.' is a folder"),
+        ("/", "'/' is a folder"),
+        ("there", "'there' is a folder"),
+        ("there.md", "'there.json' is a folder"),
+        ("file/table.md", "is no folder that can be written"),
+    ],
+)
+def test_a_place_for_the_table_that_cannot_be_is_refused_before_the_run(
+    out: str,
+    expected: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there.json").mkdir()
+    (tmp_path / "file").touch()
+    assert run_targeting_table(out, monkeypatch) == 2
+    captured = capsys.readouterr()
+    assert expected in captured.err
+    assert captured.out == ""
+
+
+def test_a_name_without_a_suffix_is_that_of_a_markdown_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    assert run_targeting_table(str(tmp_path / "table"), monkeypatch) == 0
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["table.json", "table.md", "table.png"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["bench", name] for name in ("solve", "trust", "photo", "eye-to-hand", "init")),
+        *(["bench", name] for name in ("targeting", "baxter", "marker", "adam")),
+        ["bench", "repeat", "."],
+        ["demo"],
+        ["explore", "."],
+    ],
+    ids=" ".join,
+)
+def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]):
+    assert main([*words, "--seed", "-1"]) == 2
+    assert "The seed is -1 (--seed). Expected: 0 or more." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("words", "expected"),
     [
         (["photo", "--size", "large"], "no size of a picture"),
@@ -106,6 +190,13 @@ def test_a_table_is_printed_and_written_with_all_rows_and_a_plot(
         (["marker", "--robot", "hal9000"], "no built-in robot"),
         (["adam", "--steps", "0"], "steps is 0"),
         (["targeting", "--trials", "0"], "trials is 0"),
+        (["targeting", "--views", "0"], "views is 0"),
+        (["targeting", "--ee-link", "hook"], "No link is called 'hook'"),
+        (["eye-to-hand", "--choose", "random", "random"], "named twice"),
+        (["photo", "--views", "2"], "views is 2"),
+        (["solve", "--scenes", "0"], "scenes is 0"),
+        (["trust", "--scenes", "0"], "scenes is 0"),
+        (["trust", "--width", "8"], "width is 8"),
         (["baxter", "--data", "nowhere"], "Cannot be read"),
         (["real", "nowhere"], "No capture below this folder"),
     ],

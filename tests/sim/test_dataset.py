@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
 
 from easyhecpp.capture import Capture
-from easyhecpp.errors import InputError
+from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.sim import dataset as dataset_module
 from easyhecpp.sim.dataset import TRUTH, generate_scenes
 from easyhecpp.sim.options import CellOptions
 from easyhecpp.sim.studio import Quality
@@ -92,6 +94,15 @@ def test_processes_make_the_same_scenes(dataset, tmp_path):
     for mine, theirs in zip(folders, dataset[1], strict=True):
         for name in (TRUTH, "images/0000.png", "masks/0001.png", "depth/0000.png", "joints.csv"):
             assert (mine / name).read_bytes() == (theirs / name).read_bytes()
+
+
+def test_a_process_that_the_system_ends_is_told_in_a_sentence(tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise BrokenProcessPool
+
+    monkeypatch.setattr(dataset_module.ProcessPoolExecutor, "submit", broken)
+    with pytest.raises(CalibrationError, match="ended a worker process"):
+        generate_scenes(tmp_path, 2, **{**WHAT, "workers": 2})
 
 
 def test_any_urdf_will_do(shared, tmp_path):

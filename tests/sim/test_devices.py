@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -87,6 +88,22 @@ def test_the_camera_sees_the_arm_where_it_is_and_stamps_the_picture(cell):
     moved = masks[0] != masks[1]
     change = np.abs(after.image.astype(int) - before.image).mean(axis=-1)
     assert change[moved].mean() > 3 * change[~(masks[0] | masks[1])].mean()
+
+
+def test_the_stamp_is_that_of_the_pose_in_the_picture_while_the_arm_moves_on(cell, monkeypatch):
+    arm = SimulatedArm(cell, np.zeros(7))
+    camera = SimulatedCamera(cell, arm)
+    shown: list[float] = []
+
+    def slow(self: Cell, joints: np.ndarray, **_: object) -> list[SimpleNamespace]:
+        shown.append(joints[0])
+        arm.move_along([[joints[0] + 0.25, 0, 0, 0, 0, 0, 0]], speed=0.5)
+        return [SimpleNamespace(image=np.zeros((54, 96, 3), np.uint8))]
+
+    monkeypatch.setattr(Cell, "capture", slow)
+    frames = [camera.capture() for _ in range(3)]
+    assert shown == pytest.approx([0.0, 0.25, 0.5])
+    assert [frame.stamp for frame in frames] == pytest.approx([0.0, 0.5, 1.0])
 
 
 def test_a_knocked_camera_stays_where_it_was_knocked_to(cell):

@@ -4,10 +4,11 @@ from importlib import metadata
 
 import numpy as np
 import pytest
+from small_arm import write_urdf
 
 from easyhecpp.errors import InputError, MissingExtraError
 from easyhecpp.sim import robots
-from easyhecpp.sim.robots import ROBOTS, load_robot, named_robot, robot_names
+from easyhecpp.sim.robots import ROBOTS, end_link, load_robot, named_robot, robot_names
 
 
 @pytest.mark.parametrize("name", ["xarm7", "ur5", "kinova_gen2", "so100"])
@@ -57,3 +58,14 @@ def test_baxter_stands_on_the_floor_below_its_base_frame():
     )
     assert -1.2 < lowest < -0.7
     assert np.isfinite(robot.reach)
+
+
+def test_the_end_of_an_arm_is_the_link_asked_for_the_known_one_or_the_last_of_the_longest_chain(
+    tmp_path,
+):
+    urdf = str(write_urdf(tmp_path))
+    assert end_link("xarm7") == "link7"
+    assert end_link(urdf) == "hand"
+    assert end_link(urdf, "fore") == "fore"
+    with pytest.raises(InputError, match=r"No link is called 'tool'.*base, shoulder, upper"):
+        end_link(urdf, "tool")

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp._optional import require
 from easyhecpp._parallel import parallel_map
 from easyhecpp.baselines.adam import (
     AdamConfig,
@@ -23,11 +24,12 @@ from easyhecpp.baselines.adam import (
     AdamSteps,
     calibrate_with_adam,
 )
+from easyhecpp.baselines.eq1 import Combine
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.published import FIRST_POSE
-from easyhecpp.bench.scenes_pool import RowFile, resumed
-from easyhecpp.bench.stages import MaskStage
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
+from easyhecpp.bench.stages import MaskStage, arm_for_scenes
+from easyhecpp.errors import InputError
 from easyhecpp.geometry import exp_se3, inverse, perturb_about, transform_points
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.solve import solve_pose
@@ -52,6 +54,8 @@ class AdamBench:
         steps: Of Adam.
         robot: The arm, by name.
         size: Of the masks.
+        combine: How Adam's rendering puts links together, see `AdamConfig`; ours has the union.
+        half_pixel: Whether Adam counts pixels as the published code does, see `AdamConfig`.
     """
 
     scenes: int
@@ -60,6 +64,13 @@ class AdamBench:
     steps: int = 1000
     robot: str = "xarm7"
     size: tuple[int, int] = (1280, 720)
+    combine: Combine = "union"
+    half_pixel: bool = False
+
+    @property
+    def config(self) -> AdamConfig:
+        """Of Adam."""
+        return AdamConfig(self.steps, combine=self.combine, half_pixel_bias=self.half_pixel)
 
     def settings(self) -> dict[str, Any]:
         """What decides a scene, however many there are."""
@@ -125,7 +136,8 @@ def run_adam_bench(
     for name, value in (("scenes", bench.scenes), ("views", bench.views), ("steps", bench.steps)):
         if value < 1:
             raise InputError(f"{name} is {value}", expected="1 or more")
-    load_robot(bench.robot)
+    arm_for_scenes(bench.robot)
+    require("torch", "models", "The Adam baseline")
     kept = RowFile(rows_file, bench.settings())
     return resumed(partial(adam_rows, bench), _row, bench.scenes, kept, progress=progress)
 
@@ -136,9 +148,10 @@ def adam_rows(bench: AdamBench, scene: int) -> tuple[AdamRow, ...]:
     stage = _stage(bench, scene)
     start = _start(stage, np.random.default_rng([bench.seed, scene, 1]))
     ours = _our_row(stage, scene, start)
-    config = AdamConfig(steps=bench.steps)
-    _, history = calibrate_with_adam(stage.rig, stage.camera, stage.observations, start, config)
-    return ours, *_adam_rows(stage, scene, history, ours.error)
+    _, history = calibrate_with_adam(
+        stage.rig, stage.camera, stage.observations, start, bench.config
+    )
+    return ours, *_adam_rows(bench, stage, scene, history, ours.error)
 
 
 def _stage(bench: AdamBench, scene: int) -> MaskStage:
@@ -162,7 +175,7 @@ def _our_row(stage: MaskStage, scene: int, start: F64) -> AdamRow:
     clock = time.perf_counter()
     try:
         T = solve_pose(stage.rig, stage.camera, stage.observations, start).T_mount_cam
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return AdamRow(scene, OURS, status=str(error))
     seconds = time.perf_counter() - clock
     error = PoseError.between(T, stage.T_mount_cam)
@@ -170,7 +183,7 @@ def _our_row(stage: MaskStage, scene: int, start: F64) -> AdamRow:
 
 
 def _adam_rows(
-    stage: MaskStage, scene: int, history: AdamHistory, ours: PoseError | None
+    bench: AdamBench, stage: MaskStage, scene: int, history: AdamHistory, ours: PoseError | None
 ) -> tuple[AdamRow, AdamRow]:
     errors = [PoseError.between(T, stage.T_mount_cam) for T in history.Ts_mount_cam]
     seconds = history.seconds
@@ -190,7 +203,7 @@ def _adam_rows(
         errors[-1].rotation_deg,
         float(seconds[-1]),
         reached[0] if reached else None,
-        *_costs_ms(stage, history.Ts_mount_cam[0]),
+        *_costs_ms(bench, stage, history.Ts_mount_cam[0]),
         tuple(float(seconds[i]) for i in steps),
         tuple(errors[i].position_mm for i in steps),
     )
@@ -199,12 +212,12 @@ def _adam_rows(
     )
 
 
-def _costs_ms(stage: MaskStage, start: F64) -> tuple[float, float]:
+def _costs_ms(bench: AdamBench, stage: MaskStage, start: F64) -> tuple[float, float]:
     """Median times of a step, and of rendering, comparing and differentiating all views alone.
 
     Taken in turns, so that whatever else the machine does slows both.
     """
-    adam = AdamSteps(stage.rig, stage.camera, stage.observations, start, AdamConfig())
+    adam = AdamSteps(stage.rig, stage.camera, stage.observations, start, bench.config)
     times = np.empty((_TIMED, 3))
     for row in times:
         T_cam_mount = exp_se3(adam.tangent)
@@ -229,5 +242,9 @@ def _warm_up(bench: AdamBench) -> None:
     stage = _stage(bench, 0)
     solve_pose(stage.rig, stage.camera, stage.observations, stage.T_mount_cam)
     calibrate_with_adam(
-        stage.rig, stage.camera, stage.observations, stage.T_mount_cam, AdamConfig(steps=2)
+        stage.rig,
+        stage.camera,
+        stage.observations,
+        stage.T_mount_cam,
+        replace(bench.config, steps=2),
     )

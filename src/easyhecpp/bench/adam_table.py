@@ -93,13 +93,16 @@ def _notes(bench: AdamBench, rows: Sequence[AdamRow]) -> tuple[str, ...]:
         if step and bare
         else ""
     )
+    links = "its exact union of the links, " if bench.combine == "union" else ""
+    summed = "" if bench.combine == "union" else ", min(1, sum) of the links' silhouettes"
+    half_pixel = "with" if bench.half_pixel else "without"
     return (
         f"Masks of {width}x{height} at an IoU of 0.982, the same for both, as are the renderer, "
-        f"its exact union of the links, {usable_cores()} threads and the start: the arm turned by "
+        f"{links}{usable_cores()} threads and the start: the arm turned by "
         f"{START.rotation_deg} deg about its middle and moved by {START.position_mm:.0f} mm, the "
         "published error of PVNet.",
-        f"Adam: Eq. 1, {bench.steps} steps of 0.003, the last one taken, as published; without the "
-        f"published half pixel.{cost}",
+        f"Adam: Eq. 1{summed}, {bench.steps} steps of 0.003, the last one taken, as published; "
+        f"{half_pixel} the published half pixel.{cost}",
         "'Reaches our error': at some step, even if only in passing, both errors are no larger "
         "than ours. Means are over the right poses (within 20 mm and 2 deg), medians and "
         "percentiles over all; seconds are medians.",

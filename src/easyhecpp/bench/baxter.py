@@ -29,14 +29,15 @@ from easyhecpp.bench.baxter_data import (
 from easyhecpp.bench.pck import KeypointErrors
 from easyhecpp.bench.plots import curves_plot
 from easyhecpp.bench.published import PCK_2D, PCK_2D_PX, PCK_3D, PCK_3D_CM
-from easyhecpp.bench.scenes_pool import in_order
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, in_order
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import inverse, look_at, transform_points
 from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
 from easyhecpp.session import CalibrationConfig, calibrate
+from easyhecpp.session.masks import GIVEN, GivenMasks, check_segmenter
 from easyhecpp.sim.masks import Degradation, degrade_masks
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import SimScene
@@ -71,10 +72,15 @@ def run_baxter_recording(folder: Path, segmenter: str = "auto") -> BaxterBench:
         segmenter: Where masks come from, see `CalibrationConfig`.
 
     Raises:
-        InputError: The folder is not the recording.
+        InputError: The folder is not the recording, or the segmenter is unknown or lacks masks.
+            Too few views for the segmenter are a note, and every picture counts as missed.
+        MissingExtraError: The robot's data, or the segmenter's packages, are not installed.
     """
     poses = read_baxter(folder)
     robot = load_robot("baxter")
+    check_segmenter(segmenter)
+    if segmenter == GIVEN:
+        GivenMasks().masks(as_capture(poses[: max(VIEWS)], robot))
     found: dict[int, KeypointErrors] = {}
     notes: list[str] = []
     for count in VIEWS:
@@ -84,7 +90,7 @@ def run_baxter_recording(folder: Path, segmenter: str = "auto") -> BaxterBench:
             found[count] = KeypointErrors.joined(
                 [_recorded_errors(robot, pose, T_base_cam) for pose in poses]
             )
-        except EasyHecError as error:
+        except (CalibrationError, InputError) as error:
             notes.append(f"{count} view{'s'[: count > 1]}: {error}")
             found[count] = KeypointErrors.missing(sum(len(pose.pictures) for pose in poses))
     pictures = sum(len(pose.pictures) for pose in poses)
@@ -216,7 +222,7 @@ def _stand_in_scene(seed: int, size: tuple[int, int], scene: int) -> dict[int, K
         try:
             first = sample_initial_pose(rig, camera, seen)
             T = solve_pose(rig, camera, seen, first.T_mount_cam).T_mount_cam
-        except EasyHecError:
+        except SCENE_FAILURES:
             found[count] = KeypointErrors.missing(len(joints))
             continue
         points = transform_points(inverse(T), tips)

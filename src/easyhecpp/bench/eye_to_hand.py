@@ -19,14 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError
-from easyhecpp.bench.scenes_pool import RowFile, resumed
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
 from easyhecpp.bench.stages import (
     MaskStage,
     PictureStage,
     Stage,
+    arm_for_scenes,
     poses_for_any_camera,
 )
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.errors import InputError
 from easyhecpp.explore import METHODS, ExploreConfig, Knowledge, choose_next
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import options_for
@@ -127,7 +128,7 @@ def run_eye_to_hand(
         InputError: Nonsensical counts or names, or a file of other settings.
         MissingExtraError: The arms, or the path tracer, are not installed.
     """
-    _check(bench)
+    check_bench(bench)
     kept = RowFile(rows_file, bench.settings())
     return resumed(
         partial(scene_steps, bench, blind_poses(bench)),
@@ -153,7 +154,7 @@ def scene_steps(bench: EyeToHandBench, blind: F64, scene: int) -> tuple[Step, ..
     for method in bench.choose:
         try:
             stage, joints = make_stage(bench, blind, scene)
-        except EasyHecError as error:
+        except SCENE_FAILURES as error:
             for n in range(1, bench.views + 1):
                 steps.append(Step(scene, method, n, status=str(error)))
             continue
@@ -208,7 +209,7 @@ def _chosen(
     try:
         known = Knowledge(estimate.T_mount_cam, estimate.covariance, np.array(taken))
         return choose_next(stage.rig, stage.camera, known, config, rng, checker=checker).joints
-    except InputError:
+    except InputError:  # no joint pose suits, or the covariance is none; options were checked
         return None
 
 
@@ -216,7 +217,7 @@ def _estimated(stage: Stage, step: Step) -> tuple[Step, PoseEstimate | None]:
     clock = time.perf_counter()
     try:
         estimate = stage.estimate()
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return replace(step, seconds=time.perf_counter() - clock, status=str(error)), None
     error = PoseError.between(estimate.T_mount_cam, stage.T_mount_cam)
     step = replace(
@@ -255,8 +256,14 @@ def blind_poses(bench: EyeToHandBench) -> F64:
     return poses
 
 
-def _check(bench: EyeToHandBench) -> None:
-    for name, value in (("scenes", bench.scenes), ("views", bench.views)):
+def check_bench(bench: EyeToHandBench) -> None:
+    """Look at everything that all scenes share, before the first one.
+
+    Raises:
+        InputError: Nonsensical counts or names, or an arm that cannot be used.
+        MissingExtraError: The arms, or the path tracer, are not installed.
+    """
+    for name, value in (("scenes", bench.scenes), ("views", bench.views), ("spp", bench.samples)):
         if value < 1:
             raise InputError(f"{name} is {value}", expected="1 or more")
     unknown = [method for method in bench.choose if method not in METHODS]
@@ -265,7 +272,12 @@ def _check(bench: EyeToHandBench) -> None:
             f"There is no way of choosing called {', '.join(unknown) or 'nothing'}",
             expected=f"one or more of {', '.join(METHODS)}",
         )
-    load_robot(bench.robot)
+    if len(set(bench.choose)) < len(bench.choose):
+        raise InputError(
+            f"A way of choosing is named twice: {', '.join(bench.choose)}",
+            expected="each of them once: scenes are counted by it",
+        )
+    arm_for_scenes(bench.robot)
     if bench.source == "images":
         mitsuba()
         if bench.extra < 2:

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from easyhecpp.bench.metrics import PoseError, summarise
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import FIRST_POSE
-from easyhecpp.bench.scenes_pool import RowFile, resumed
-from easyhecpp.bench.stages import MaskStage, poses_for_any_camera
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
+from easyhecpp.bench.stages import MaskStage, arm_for_scenes, poses_for_any_camera
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.errors import InputError
 from easyhecpp.initialise import SamplingConfig, sample_initial_pose
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.solve import solve_pose
@@ -112,7 +112,7 @@ def run_init_bench(
     for name, value in (("scenes", bench.scenes), ("views", bench.views)):
         if value < 1:
             raise InputError(f"{name} is {value}", expected="1 or more")
-    load_robot(bench.robot)
+    arm_for_scenes(bench.robot)
     kept = RowFile(rows_file, bench.settings())
     joints = poses_for_any_camera(bench.robot, bench.size, bench.views, bench.seed)
     return resumed(
@@ -209,7 +209,7 @@ def _row(stage: MaskStage, scene: int, grid: Grid) -> InitRow:
         first = sample_initial_pose(stage.rig, stage.camera, seen, SamplingConfig(grid))
         middle = time.perf_counter()
         refined = solve_pose(stage.rig, stage.camera, seen, first.T_mount_cam)
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return InitRow(scene, grid, status=str(error))
     end = time.perf_counter()
     before = PoseError.between(first.T_mount_cam, stage.T_mount_cam)

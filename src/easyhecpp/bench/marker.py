@@ -25,11 +25,11 @@ from easyhecpp.baselines.hand_eye import MIN_VIEWS
 from easyhecpp.bench.metrics import PoseError, summarise
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import EYE_TO_HAND, MARKER
-from easyhecpp.bench.scenes_pool import RowFile, resumed
-from easyhecpp.bench.stages import MaskStage
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
+from easyhecpp.bench.stages import MaskStage, arm_for_scenes
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
-from easyhecpp.errors import EasyHecError, InputError
-from easyhecpp.sim.robots import load_robot, named_robot
+from easyhecpp.errors import InputError
+from easyhecpp.sim.robots import end_link, load_robot
 
 BoardName = Literal["chessboard", "charuco"]
 BOARDS = {"chessboard": Chessboard(), "charuco": CharucoBoard()}
@@ -52,8 +52,9 @@ class MarkerBench:
         seed: Scene k depends on it and on k alone.
         poses: Joint poses that show the board.
         board: ``chessboard`` or ``charuco``.
-        robot: The arm, by name.
+        robot: The arm, by name or the path of its URDF.
         size: Of the pictures.
+        ee_link: The link that holds the board, see `end_link`.
     """
 
     scenes: int
@@ -62,6 +63,7 @@ class MarkerBench:
     board: BoardName = "chessboard"
     robot: str = "xarm7"
     size: tuple[int, int] = (1280, 720)
+    ee_link: str | None = None
 
     def settings(self) -> dict[str, Any]:
         """What decides a scene, however many there are."""
@@ -139,7 +141,7 @@ def marker_rows(bench: MarkerBench, scene: int) -> tuple[MarkerRow, ...]:
     stage = MaskStage.random(load_robot(bench.robot), bench.size, [bench.seed, scene])
     on_arm = BoardOnArm(
         stage.rig.robot,
-        named_robot(bench.robot).ee_link,
+        end_link(bench.robot, bench.ee_link),
         BOARDS[bench.board],
         stage.camera,
         stage.T_mount_cam,
@@ -240,7 +242,7 @@ def _our_row(stage: MaskStage, scene: int, rng: np.random.Generator) -> MarkerRo
             stage.look(joints)
         clock = time.perf_counter()
         estimate = stage.estimate()
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return MarkerRow(scene, OURS, views=OUR_VIEWS, status=str(error))
     seconds = time.perf_counter() - clock
     error = PoseError.between(estimate.T_mount_cam, stage.T_mount_cam)
@@ -277,7 +279,7 @@ def _notes(
     same = " These are all scenes, so no rows are repeated." if good == scenes else ""
     return (
         f"A {bench.board} of {board.columns}x{board.rows} squares of {1000 * board.square:.0f} mm "
-        f"on {named_robot(bench.robot).ee_link}; {width}x{height}; found in {found} of {taken} "
+        f"on {end_link(bench.robot, bench.ee_link)}; {width}x{height}; found in {found} of {taken} "
         f"pictures. {100 * float(np.mean([row.in_view for row in shots])):.1f} % of random joint "
         "poses turn it to the camera (published: 1.9 %).",
         "Ideal: flat, printed to size, sharp picture. Ordinary: up to 2 mm bent, up to 0.4 % off "
@@ -307,5 +309,5 @@ def _check(bench: MarkerBench) -> None:
         raise InputError(
             f"There is no board called {bench.board!r}", expected=f"one of {', '.join(BOARDS)}"
         )
-    named_robot(bench.robot)
-    load_robot(bench.robot)
+    end_link(bench.robot, bench.ee_link)
+    arm_for_scenes(bench.robot)

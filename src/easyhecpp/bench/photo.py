@@ -18,14 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from easyhecpp.bench.metrics import PoseError
-from easyhecpp.bench.scenes_pool import RowFile, in_order
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, in_order
+from easyhecpp.bench.stages import arm_for_scenes
 from easyhecpp.bench.truth_file import read_truth
 from easyhecpp.capture import Capture
-from easyhecpp.errors import InputError
+from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.segment.classical.calibrate import FEWEST_VIEWS
 from easyhecpp.session import CalibrationConfig, calibrate
 from easyhecpp.sim.dataset import DatasetPlan, is_complete, make_scene
 from easyhecpp.sim.options import options_for
-from easyhecpp.sim.robots import robot_source
 from easyhecpp.sim.studio import FULL, mitsuba
 
 ARMS = ("xarm7", "panda", "ur5", "kinova_gen2", "z1")
@@ -143,7 +144,8 @@ def run_photo_bench(
 ) -> tuple[PhotoRow, ...]:
     """Photograph scenes, calibrate them, and compare with the truth.
 
-    Whatever goes wrong in a scene is a counted failure with its text. Scenes whose row stands in
+    What goes wrong with a scene is a counted failure with its text; what concerns all scenes (a
+    missing package, a full disk) ends the run. Scenes whose row stands in
     ``rows_file`` are not done again, but those whose pictures could not be made are.
 
     Args:
@@ -154,13 +156,13 @@ def run_photo_bench(
         progress: Called with the number of rows so far and the last of them.
 
     Raises:
-        InputError: Unknown arm or difficulty, no scenes, or a file of other settings.
+        InputError: Unknown arm or difficulty, an arm without limits, no scenes, too few views, or
+            a file of other settings.
         MissingExtraError: The path tracer or the arms are not installed.
     """
     _check(bench)
     kept = RowFile(rows_file, bench.settings())
-    rows = {row["scene"]: _row_from(dict(row)) for row in kept.rows}
-    rows = {scene: row for scene, row in rows.items() if scene < bench.scenes}
+    rows = {scene: row for scene, row in kept.rows(_row_from).items() if scene < bench.scenes}
     missing = [scene for scene in range(bench.scenes) if scene not in rows]
     work = partial(photo_row, bench, folder)
     # The path tracer keeps memory of its own: processes are replaced now and then.
@@ -174,7 +176,11 @@ def run_photo_bench(
 
 
 def photo_row(bench: PhotoBench, folder: Path | None, scene: int) -> PhotoRow:
-    """Photograph and calibrate one scene; never raises."""
+    """Photograph and calibrate one scene.
+
+    Raises:
+        EasyHecError: Something that concerns all scenes; a scene's own failure is its row.
+    """
     plan = bench.plan(scene)
     row = PhotoRow(scene, plan.robot, "error")
     with _place(folder) as root:
@@ -185,11 +191,11 @@ def photo_row(bench: PhotoBench, folder: Path | None, scene: int) -> PhotoRow:
                 make_scene(root, plan, scene)
                 row = replace(row, made_s=time.perf_counter() - clock)
         except Exception as error:
-            return replace(row, made=False, reasons=(_text(error),))
+            return replace(row, made=False, reasons=(_counted(error),))
         try:
             return _calibrated(row, place)
         except Exception as error:
-            return replace(row, reasons=(_text(error),))
+            return replace(row, reasons=(_counted(error),))
 
 
 def _calibrated(row: PhotoRow, place: Path) -> PhotoRow:
@@ -216,15 +222,19 @@ def _calibrated(row: PhotoRow, place: Path) -> PhotoRow:
 
 
 def _check(bench: PhotoBench) -> None:
-    for name, value in (("scenes", bench.scenes), ("views", bench.views), ("spp", bench.samples)):
-        if value < 1:
-            raise InputError(f"{name} is {value}", expected="1 or more")
+    for name, value, least in (
+        ("scenes", bench.scenes, 1),
+        ("views", bench.views, FEWEST_VIEWS),
+        ("spp", bench.samples, 1),
+    ):
+        if value < least:
+            raise InputError(f"{name} is {value}", expected=f"{least} or more")
     if not bench.arms:
         raise InputError("No arm is named", expected="at least one")
     # Missing packages and misspelt names are told at once, not scene by scene.
     mitsuba()
     for arm in bench.arms:
-        robot_source(arm)
+        arm_for_scenes(arm)
     bench.plan(0)
 
 
@@ -242,5 +252,8 @@ def _row_from(values: dict[str, Any]) -> PhotoRow:
     return PhotoRow(**values, reasons=reasons)
 
 
-def _text(error: Exception) -> str:
+def _counted(error: Exception) -> str:
+    """The text of a scene's failure; what concerns all scenes goes on up."""
+    if isinstance(error, EasyHecError) and not isinstance(error, SCENE_FAILURES):
+        raise error
     return f"{type(error).__name__}: {error}"

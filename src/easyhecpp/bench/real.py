@@ -21,9 +21,10 @@ from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
 from easyhecpp.bench.truth_file import TRUTH, TruthFile, read_truth
 from easyhecpp.capture import Capture
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import inverse
 from easyhecpp.session import Calibration, CalibrationConfig, calibrate
+from easyhecpp.session.masks import check_segmenter
 
 F64 = NDArray[np.float64]
 
@@ -74,8 +75,9 @@ def run_real_bench(
         progress: Told which recording is calibrated.
 
     Raises:
-        InputError: There is no recording with a truth file. A truth file that cannot be read is
-            a row with its text, as is a calibration that fails.
+        InputError: There is no recording with a truth file, or no such segmenter. A recording or
+            a truth file that cannot be read is a row with its text, as is a calibration that fails.
+        MissingExtraError: The segmenter's packages are not installed.
     """
     places = sorted(path.parent for path in folder.rglob(TRUTH))
     if not places:
@@ -84,13 +86,15 @@ def run_real_bench(
             where=folder,
             expected="captures with a truth file each; docs/benchmarks.md describes it",
         )
+    config = config or CalibrationConfig()
+    check_segmenter(config.segmenter, config.pretrained)
     known: dict[Path, tuple[Calibration, float]] = {}
     rows = []
     for place in places:
         name = str(place.relative_to(folder)) if place != folder else place.name
         if progress is not None:
             progress(name)
-        rows.append(_row(place, name, config or CalibrationConfig(), known))
+        rows.append(_row(place, name, config, known))
     return tuple(rows)
 
 
@@ -173,7 +177,7 @@ def _row(
         if truth.T_mount_cam is not None:
             return _against_pose(row, found, truth.T_mount_cam)
         return _against_stereo(row, found, truth, config, known)
-    except EasyHecError as error:
+    except (CalibrationError, InputError) as error:
         return replace(row, verdict="error", status=str(error))
 
 

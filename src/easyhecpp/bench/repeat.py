@@ -15,10 +15,11 @@ from functools import partial
 import numpy as np
 
 from easyhecpp.bench.metrics import PoseError, chi_square
-from easyhecpp.bench.scenes_pool import in_order
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, in_order
 from easyhecpp.bench.table import Table, describe_machine, machine_sentence
 from easyhecpp.capture import Capture
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.errors import InputError
+from easyhecpp.rig import rides_on_arm
 from easyhecpp.session import Calibration, CalibrationConfig, calibrate
 
 WAYS = {
@@ -84,7 +85,7 @@ def run_repeat_bench(
             where=capture.name,
             expected=f"{FEWEST_VIEWS} or more, to make two halves of three",
         )
-    possible = [way for way in ways if _has_pictures(capture, way)]
+    possible = [way for way in ways if _is_possible(capture, way)]
     if not possible:
         raise InputError(
             "The capture has neither masks nor images in all of its views", where=capture.name
@@ -140,12 +141,13 @@ def repeat_table(capture: Capture, rows: Sequence[RepeatRow], seed: int) -> Tabl
     )
 
 
-def _has_pictures(capture: Capture, way: str) -> bool:
+def _is_possible(capture: Capture, way: str) -> bool:
     config = WAYS[way]
     masks = all(view.has_mask for view in capture.views)
     images = all(view.has_image for view in capture.views)
     if config.segmenter != "given":
-        return images
+        # On the arm the whole background moves, which the classical way cannot tell from the arm.
+        return images and not rides_on_arm(capture.setup)
     return masks and (images or not config.edges)
 
 
@@ -158,7 +160,7 @@ def _row(capture: Capture, seed: int, job: tuple[int, str]) -> RepeatRow:
     for half in halves:
         try:
             found.append(calibrate(capture.subset(half), WAYS[way]))
-        except EasyHecError as error:
+        except SCENE_FAILURES as error:
             return RepeatRow(split, way, None, None, (str(error),))
     a, b = (each.T_mount_cam for each in found)
     # The two camera frames all but coincide, and so do the tangents that the covariances are of.

@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError, chi_square
-from easyhecpp.bench.scenes_pool import RowFile, resumed
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
 from easyhecpp.bench.table import describe_machine
 from easyhecpp.camera import Camera
-from easyhecpp.errors import EasyHecError
+from easyhecpp.errors import InputError
+from easyhecpp.explore.candidates import joint_ranges
 from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
@@ -217,7 +218,13 @@ def run_solve_bench(
         rows_file: keeps finished scenes; they are not done again.
         progress: called with the number of scenes done and the rows of the last.
         scene_options: passed on to `easyhecpp.sim.scenes.random_scene`.
+
+    Raises:
+        InputError: no scenes, an arm without limits, or a file of other settings.
     """
+    if n_scenes < 1:
+        raise InputError(f"scenes is {n_scenes}", expected="1 or more")
+    joint_ranges(robot)  # limits that mean nothing: say it before the first scene
     job = _Job(robot, seed, tuple(cases), calibrate, scene_options)
     settings = {
         "robot": robot.name,
@@ -316,7 +323,7 @@ def _run_case(job: _Job, scene: SimScene, index: int, case: Case, made: _Masks) 
     row = SolveRow(scene=index, case=case.name, n_views=len(views), sigma_px=made.sigma_px)
     try:
         outcome = job.calibrate(Rig(scene.robot), scene.camera, observations)
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return replace(row, status=str(error))
     return replace(
         row,

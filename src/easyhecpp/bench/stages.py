@@ -13,6 +13,7 @@ from easyhecpp.bench.metrics import PoseError
 from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError
 from easyhecpp.explore import first_joint_poses
+from easyhecpp.explore.candidates import joint_ranges
 from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
@@ -78,6 +79,21 @@ class Stage(Protocol):
             EasyHecError: It cannot be found.
         """
         ...
+
+
+def arm_for_scenes(name: str) -> Robot:
+    """An arm whose joint poses can be drawn: asked for before the first scene.
+
+    Args:
+        name: Of a built-in arm, or the path of a URDF.
+
+    Raises:
+        InputError: No such arm, anything wrong with its file, or joint limits that mean nothing.
+        MissingExtraError: The arms are not installed.
+    """
+    robot = load_robot(name)
+    joint_ranges(robot)
+    return robot
 
 
 def poses_for_any_camera(robot: str, size: tuple[int, int], count: int, seed: int) -> F64:

@@ -21,17 +21,23 @@ from scipy.optimize import least_squares
 
 from easyhecpp.baselines.board_views import render_board_view
 from easyhecpp.baselines.boards import CharucoBoard, board_pose
-from easyhecpp.bench.eye_to_hand import EyeToHandBench, blind_poses, make_stage, walk
+from easyhecpp.bench.eye_to_hand import (
+    EyeToHandBench,
+    blind_poses,
+    check_bench,
+    make_stage,
+    walk,
+)
 from easyhecpp.bench.metrics import Spread
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import TARGETING_MM
-from easyhecpp.bench.scenes_pool import RowFile, resumed
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
 from easyhecpp.bench.stages import Stage
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
-from easyhecpp.errors import EasyHecError, InputError
+from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, make_transform, transform_points
 from easyhecpp.robot import Robot
-from easyhecpp.sim.robots import named_robot
+from easyhecpp.sim.robots import end_link
 
 F64 = NDArray[np.float64]
 
@@ -68,6 +74,7 @@ def run_targeting(
     bench: EyeToHandBench,
     trials: int,
     *,
+    ee_link: str | None = None,
     rows_file: Path | None = None,
     workers: int = 1,
     progress: Callable[[int, tuple[Target, ...]], None] | None = None,
@@ -77,6 +84,7 @@ def run_targeting(
     Args:
         bench: How cameras are calibrated; the first of its ways of choosing counts.
         trials: Corners per scene.
+        ee_link: The link whose origin is sent to the corner, see `end_link`.
         rows_file: Keeps finished scenes; they are not done again.
         workers: Processes side by side.
         progress: Called with the number of finished scenes and the attempts of the last.
@@ -85,14 +93,14 @@ def run_targeting(
         InputError: Nonsensical counts or names, or a file of other settings.
         MissingExtraError: The arms, or the path tracer, are not installed.
     """
-    for name, value in (("scenes", bench.scenes), ("trials", trials)):
-        if value < 1:
-            raise InputError(f"{name} is {value}", expected="1 or more")
-    tip_link(bench.robot)
-    settings: dict[str, Any] = {**bench.settings(), "trials": trials}
+    check_bench(bench)
+    if trials < 1:
+        raise InputError(f"trials is {trials}", expected="1 or more")
+    tip = end_link(bench.robot, ee_link)
+    settings: dict[str, Any] = {**bench.settings(), "trials": trials, "ee_link": tip}
     kept = RowFile(rows_file, settings)
     return resumed(
-        partial(scene_targets, bench, trials, blind_poses(bench)),
+        partial(scene_targets, bench, trials, tip, blind_poses(bench)),
         lambda row: Target(**row),
         bench.scenes,
         kept,
@@ -101,17 +109,26 @@ def run_targeting(
     )
 
 
-def scene_targets(bench: EyeToHandBench, trials: int, blind: F64, scene: int) -> list[Target]:
-    """All attempts of one scene; an error is an attempt that missed."""
+def scene_targets(
+    bench: EyeToHandBench, trials: int, tip: str, blind: F64, scene: int
+) -> list[Target]:
+    """All attempts of one scene; an error is an attempt that missed.
+
+    Args:
+        bench: How the camera is calibrated.
+        trials: Number of attempts.
+        tip: The link whose origin is sent to the corner.
+        blind: See `blind_poses`.
+        scene: Number of the scene.
+    """
     try:
         stage, joints = make_stage(bench, blind, scene)
         *_, (_, estimate) = walk(stage, joints, bench.seed, scene, bench.choose[0])
         if estimate is None:
             return [Target(scene, k, status="no pose was found") for k in range(trials)]
         rng = np.random.default_rng([bench.seed, scene, 1])
-        tip = tip_link(bench.robot)
         return list(_attempts(stage, estimate.T_mount_cam, tip, trials, scene, rng))
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return [Target(scene, k, status=str(error)) for k in range(trials)]
 
 
@@ -237,12 +254,3 @@ def _tip_at(robot: Robot, tip: str, goal: F64, rng: np.random.Generator) -> F64:
 def _line(name: str, values: Sequence[float | None]) -> tuple[Cell, ...]:
     spread = Spread.of(values, [value is not None for value in values])
     return name, len(values), spread.mean, spread.median, spread.p95
-
-
-def tip_link(robot: str) -> str:
-    """The link whose origin is sent to the corner.
-
-    Raises:
-        InputError: There is no such arm.
-    """
-    return named_robot(robot).ee_link

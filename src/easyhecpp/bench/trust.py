@@ -23,16 +23,19 @@ from numpy.typing import NDArray
 
 from easyhecpp.bench.metrics import PoseError, chi_square, ellipsoid_share
 from easyhecpp.bench.plots import cumulative_plot
-from easyhecpp.bench.scenes_pool import RowFile, resumed
+from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
 from easyhecpp.bench.table import Table
 from easyhecpp.bench.trust_scenes import FAMILIES, TrustCase, build_case
-from easyhecpp.errors import EasyHecError
+from easyhecpp.errors import InputError
 from easyhecpp.geometry import exp_se3
 from easyhecpp.initialise import sample_initial_pose
 from easyhecpp.session.verdict import judge
 from easyhecpp.solve.consistency import solve_consistent
 
 F64 = NDArray[np.float64]
+
+
+_LEAST_WIDTH = 64
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,13 @@ def run_trust_bench(
         width: Of the pictures, pixels; 16 : 9.
         rows_file: Keeps finished scenes; they are not done again.
         progress: Called with the number of scenes done, of every family one, and their rows.
+
+    Raises:
+        InputError: No scenes, pictures too small, or a file of other settings.
     """
+    for name, value, least in (("scenes", n_scenes, 1), ("width", width, _LEAST_WIDTH)):
+        if value < least:
+            raise InputError(f"{name} is {value}", expected=f"{least} or more")
     settings = {"families": list(families), "seed": seed, "width": width}
     return resumed(
         partial(_scene_rows, tuple(families), seed, width),
@@ -173,7 +182,7 @@ def _row(family: str, scene: int, seed: int, width: int) -> TrustRow:
     row = TrustRow(family, scene, "failed", wrong=len(case.wrong), good=good)
     try:
         return _calibrated(row, case)
-    except EasyHecError as error:
+    except SCENE_FAILURES as error:
         return replace(row, reasons=(str(error),))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
-from easyhecpp.errors import InputError
+from easyhecpp.errors import NothingSuitsError
 from easyhecpp.explore.candidates import draw_candidates
 from easyhecpp.explore.floor import Floor, floor_height, lowest_points
 from easyhecpp.explore.protocols import CollisionChecker
@@ -85,7 +85,7 @@ class Feasible:
         """Joint poses ``(count, n)``, or fewer where good ones are rare.
 
         Raises:
-            InputError: None was found.
+            NothingSuitsError: None was found.
         """
         found: list[F64] = []
         for _ in range(_BATCHES):
@@ -174,9 +174,9 @@ class Feasible:
         square = np.stack([np.sum((now - b) ** 2, axis=-1).mean(axis=-1) for b in before])
         return np.sqrt(square.min(axis=0)) / robot.reach
 
-    def _none_found(self) -> InputError:
+    def _none_found(self) -> NothingSuitsError:
         why = ", ".join(f"{n} times {reason}" for reason, n in self.rejected.most_common())
-        return InputError(
+        return NothingSuitsError(
             f"No joint pose suits: of {_BATCH * _BATCHES} drawn within the joint limits, {why}",
             where=f"robot {self.rig.robot.name}",
             expected="a camera that sees most of the arm",

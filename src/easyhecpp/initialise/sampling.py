@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map, usable_cores
 from easyhecpp.camera import Camera
-from easyhecpp.errors import InputError
+from easyhecpp.errors import NothingSuitsError
 from easyhecpp.geometry import inverse, pose_error, rotation_angle
 from easyhecpp.initialise._seed_kernel import fit_seeds, overlap
 from easyhecpp.initialise.seeds import default_seeds, paper_seeds
@@ -88,13 +88,13 @@ def sample_initial_pose(
         rng: Shifts the grid of seeds by a random azimuth; without it the grid stays.
 
     Raises:
-        InputError: No view shows the arm.
+        NothingSuitsError: No view shows the arm.
     """
     config = config or SamplingConfig()
     clock = time.perf_counter()
     usable = [o for o in observations if o.mask.any()]
     if not usable:
-        raise InputError(
+        raise NothingSuitsError(
             "The arm cannot be seen in any view",
             expected="masks with at least some pixels of the arm",
             fix="check the masks, or the images they were made from",

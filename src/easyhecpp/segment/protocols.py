@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.capture import Capture
-from easyhecpp.errors import InputError
+from easyhecpp.errors import InputError, NothingSuitsError
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -249,13 +249,13 @@ def image_of(capture: Capture, index: int) -> NDArray[np.uint8]:
 
 
 def require_usable(masks: Sequence[ViewMask], source: str, at_least: int = 1) -> None:
-    """Raises InputError when too few views have a mask, naming each view and its reason."""
+    """Raises NothingSuitsError when too few views have a mask, naming each view and its reason."""
     empty = [view for view in masks if view.mask is None]
     if len(masks) - len(empty) >= at_least:
         return
     # The first note says what came of the view, the second why, and the others much the same.
     reasons = "; ".join(f"view {v.view_id}: {' '.join(v.notes[:2]) or 'no mask'}" for v in empty)
-    raise InputError(
+    raise NothingSuitsError(
         f"{source} gave a usable mask in {len(masks) - len(empty)} of {len(masks)} views",
         where=reasons,
         expected=f"a mask of the arm in at least {at_least}",

@@ -140,6 +140,23 @@ def choose_source(
     )
 
 
+def check_segmenter(segmenter: str, config: PretrainedConfig | None = None) -> None:
+    """Raise what `choose_source` would raise for any capture, before work on many of them.
+
+    Args:
+        segmenter: A segmenter's name.
+        config: Settings of pretrained segmenters.
+
+    Raises:
+        InputError: Unknown name, weights that cannot be had, or settings that cannot be used.
+        MissingExtraError: A pretrained name without torch and transformers.
+    """
+    config = config or PretrainedConfig()
+    _check(segmenter, config)
+    if segmenter not in _OTHERS:
+        _pretrained(segmenter, "as asked", config)
+
+
 def segmenter_for_images(segmenter: str, config: PretrainedConfig | None = None) -> str:
     """What ``auto`` stands for where masks are to be made: weights on this disk, else classical.
 

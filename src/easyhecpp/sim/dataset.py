@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from easyhecpp._atomic import write_text
-from easyhecpp._parallel import usable_cores
+from easyhecpp._parallel import lost_processes_told, usable_cores
 from easyhecpp.capture import Capture
 from easyhecpp.capture.write import write_capture
 from easyhecpp.errors import InputError
@@ -94,6 +94,7 @@ def generate_scenes(
 
     Raises:
         InputError: unknown robot or difficulty, nonsensical counts, a folder not writable.
+        CalibrationError: the system ended a worker process.
         MissingExtraError: Mitsuba or the robot's data are not installed.
     """
     for name, value in (("n", n), ("views", views), ("workers", workers or 1)):
@@ -199,7 +200,8 @@ def _made(root: Path, plan: DatasetPlan, missing: list[int], workers: int) -> It
     threads = max(1, (os.cpu_count() or 1) // workers)
     # Threads of compiled code do not survive a fork.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, limit_threads, (threads,)) as pool:
+    executor = ProcessPoolExecutor(workers, context, limit_threads, (threads,))
+    with lost_processes_told(), executor as pool:
         jobs = {pool.submit(make_scene, root, plan, k): k for k in missing}
         try:
             for job in as_completed(jobs):

@@ -54,12 +54,16 @@ class SimulatedArm:
     @property
     def clock(self) -> float:
         """Simulated seconds since the start."""
-        return self._clock
+        return self.read_state()[1]
 
     def read_joints(self) -> F64:
         """Where the joints are now, (n,)."""
+        return self.read_state()[0]
+
+    def read_state(self) -> tuple[F64, float]:
+        """Where the joints are, (n,), and the simulated seconds at which they are there."""
         with self._lock:
-            return self._joints.copy()
+            return self._joints.copy(), self._clock
 
     def move_along(self, path: ArrayLike, speed: float) -> bool:
         """Move through waypoints, straight in joint space, and wait until there.
@@ -156,12 +160,11 @@ class SimulatedCamera:
         return self.cell.camera
 
     def capture(self) -> Frame:
-        """Take a picture now."""
-        view = self.cell.capture(
-            self._arm.read_joints(), quality=self._quality, first_index=self._count
-        )[0]
+        """Take a picture now; its stamp is that of the pose in it, however long rendering takes."""
+        joints, stamp = self._arm.read_state()
+        view = self.cell.capture(joints, quality=self._quality, first_index=self._count)[0]
         self._count += 1
-        return Frame(view.image, self._arm.clock)
+        return Frame(view.image, stamp)
 
     def knock(self, T_mount_cam: ArrayLike) -> None:
         """Move the camera, as when somebody bumps into the tripod."""

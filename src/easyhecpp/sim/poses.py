@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from easyhecpp.camera import Camera
-from easyhecpp.errors import InputError
+from easyhecpp.errors import NothingSuitsError
 from easyhecpp.geometry import inverse, transform_points
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig, rides_on_arm
@@ -50,7 +50,8 @@ class PoseSampler:
         """Poses (count, n) with joints drawn evenly within their limits.
 
         Raises:
-            InputError: such poses are too rare, for instance because the camera looks elsewhere.
+            NothingSuitsError: such poses are too rare, for instance because the camera looks
+                elsewhere.
         """
         surface = ArmSurface.of(self.rig.robot)
         good: list[F64] = []
@@ -63,7 +64,7 @@ class PoseSampler:
                     good.append(pose)
                 if len(good) == count:
                     return np.array(good)
-        raise InputError(
+        raise NothingSuitsError(
             f"Only {len(good)} of {_BATCH * _BATCHES} random poses of {self.rig.robot.name} are "
             f"seen by the camera and free of collisions; {count} were wanted",
             expected="a camera that looks at the arm",

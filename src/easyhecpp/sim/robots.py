@@ -10,6 +10,7 @@ from pathlib import Path
 from easyhecpp.capture.write import RobotSource
 from easyhecpp.errors import InputError, MissingExtraError
 from easyhecpp.robot import Robot
+from easyhecpp.robot.robot import check_links
 
 PACKAGE = "example-robot-data"
 
@@ -129,6 +130,28 @@ def load_robot(name: str) -> Robot:
     )
 
 
+def end_link(name: str, wanted: str | None = None) -> str:
+    """The link at the end of an arm.
+
+    Args:
+        name: of a built-in arm, or the path of a URDF.
+        wanted: the link to take; by default the one that is known of a built-in arm, or for a file
+            the last link of its longest chain, the first of several in the order of the file.
+
+    Raises:
+        InputError: unknown name or link, or anything wrong with the file.
+        MissingExtraError: the wheel with the URDFs is not installed.
+    """
+    if wanted is not None:
+        check_links([wanted], load_robot(name).frame_names, "the link at the arm's end")
+        return wanted
+    if not is_robot_file(name):
+        return named_robot(name).ee_link
+    robot = load_robot(name)
+    lengths = [_links_above(robot, frame) for frame in range(len(robot.frame_names))]
+    return robot.frame_names[lengths.index(max(lengths))]
+
+
 @lru_cache(maxsize=1)
 def data_folder() -> Path:
     """The folder that holds the package ``example-robot-data`` (it is not a Python module).
@@ -144,6 +167,11 @@ def data_folder() -> Path:
         if file.parts[-2:] == (PACKAGE, "package.xml"):
             return Path(str(file.locate())).resolve().parents[1]
     raise MissingExtraError(PACKAGE, "sim", "A robot by name", reason="its robots are missing")
+
+
+def _links_above(robot: Robot, frame: int) -> int:
+    above = int(robot.tree.frames_above[frame])
+    return 0 if above < 0 else 1 + _links_above(robot, above)
 
 
 def _plain(name: str) -> str:

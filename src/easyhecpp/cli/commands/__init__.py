@@ -18,6 +18,7 @@ from easyhecpp.cli.commands.info import Info
 from easyhecpp.cli.commands.overlay import Overlay
 from easyhecpp.cli.commands.segment import Segment
 from easyhecpp.cli.commands.view import View
+from easyhecpp.errors import InputError
 
 
 class Command(Protocol):
@@ -29,7 +30,11 @@ class Command(Protocol):
 
 
 def parse(words: Sequence[str]) -> Command:
-    """Parse the words after the program's name; exits with 2 and a usage line when they are off."""
+    """Parse the words after the program's name; exits with 2 and a usage line when they are off.
+
+    Raises:
+        InputError: A negative seed.
+    """
     kind = (
         Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
         | Annotated[CheckCapture, tyro.conf.subcommand("check-capture")]
@@ -43,10 +48,19 @@ def parse(words: Sequence[str]) -> Command:
         | Annotated[Bench, tyro.conf.subcommand("bench")]
         | Annotated[Demo, tyro.conf.subcommand("demo")]
     )
-    return tyro.cli(  # type: ignore[no-any-return, call-overload]
+    command = tyro.cli(  # type: ignore[no-any-return, call-overload]
         kind,
         args=list(words),
         prog="easyhecpp",
         description="Finds where a camera is, relative to a robot arm, from pictures of the arm.",
         config=(tyro.conf.OmitSubcommandPrefixes, tyro.conf.FlagCreatePairsOff),
     )
+    _check_seed(command)
+    return command
+
+
+def _check_seed(command: Command) -> None:
+    """Whatever command has one: generators of random numbers take no negative seed."""
+    seed = getattr(command.table if isinstance(command, Bench) else command, "seed", 0)
+    if seed < 0:
+        raise InputError(f"The seed is {seed}", where="--seed", expected="0 or more")

@@ -15,7 +15,7 @@ from easyhecpp.cli.commands.bench_recordings import BenchReal, BenchRepeat
 from easyhecpp.cli.commands.bench_tables import BenchEyeToHand, BenchInit
 from easyhecpp.cli.commands.bench_tasks import BenchBaxter, BenchTargeting
 from easyhecpp.cli.output import complain, progress
-from easyhecpp.cli.publish import publish, rows_file
+from easyhecpp.cli.publish import publish, rows_file, table_file
 from easyhecpp.errors import InputError
 
 
@@ -24,7 +24,7 @@ class BenchSolve:
     """Calibrate simulated scenes from nothing with degraded masks; compare with the truth."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
 
     scenes: int = 20
     """Number of scenes."""
@@ -193,4 +193,7 @@ class Bench:
 
     def run(self, command_line: str) -> int:
         """Run the table's own command."""
-        return self.table.run(command_line)
+        table = self.table
+        if table.out is not None:
+            table = replace(table, out=table_file(table.out))
+        return table.run(command_line)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from easyhecpp.cli.commands.bench_pictures import picture_size
 from easyhecpp.cli.output import progress
-from easyhecpp.cli.publish import publish
+from easyhecpp.cli.publish import publish, rows_file
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,11 @@ class BenchMarker:
     """What is screwed to the arm."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
+
+    ee_link: str | None = None
+    """The link that holds the board; when left out, the known one of an arm by name, or the last
+    link of the longest chain of a URDF."""
 
     size: str = "1280x720"
     """Of the pictures, WIDTHxHEIGHT."""
@@ -53,12 +57,18 @@ class BenchMarker:
         from easyhecpp.bench.table import describe_machine
 
         bench = MarkerBench(
-            self.scenes, self.seed, self.poses, self.board, self.robot, picture_size(self.size)
+            self.scenes,
+            self.seed,
+            self.poses,
+            self.board,
+            self.robot,
+            picture_size(self.size),
+            self.ee_link,
         )
         with progress(quiet=False) as tell:
             rows = run_marker_bench(
                 bench,
-                rows_file=None if self.out is None else self.out.with_suffix(".rows.jsonl"),
+                rows_file=rows_file(self.out),
                 workers=self.workers,
                 progress=lambda done, last: tell(
                     f"{done} of {self.scenes} scenes; "
@@ -98,10 +108,17 @@ class BenchAdam:
     """Steps of Adam."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
 
     size: str = "1280x720"
     """Of the masks, WIDTHxHEIGHT."""
+
+    combine: Literal["union", "sum"] = "union"
+    """How Adam's rendering puts links together: exact union, or min(1, sum) as published, which is
+    eight times slower."""
+
+    half_pixel: bool = False
+    """Let Adam count pixels from the picture's edge, as the published code does."""
 
     out: Path | None = None
     """Markdown file to write; a .json and a .png stand beside it, and a .rows.jsonl that an
@@ -114,12 +131,19 @@ class BenchAdam:
         from easyhecpp.bench.table import describe_machine
 
         bench = AdamBench(
-            self.scenes, self.seed, self.views, self.steps, self.robot, picture_size(self.size)
+            self.scenes,
+            self.seed,
+            self.views,
+            self.steps,
+            self.robot,
+            picture_size(self.size),
+            self.combine,
+            self.half_pixel,
         )
         with progress(quiet=False) as tell:
             rows = run_adam_bench(
                 bench,
-                rows_file=None if self.out is None else self.out.with_suffix(".rows.jsonl"),
+                rows_file=rows_file(self.out),
                 progress=lambda done, last: tell(
                     f"{done} of {self.scenes} scenes; "
                     + ", ".join(

@@ -27,7 +27,7 @@ class BenchPhoto:
     """Scene i of a seed is always the same."""
 
     robots: tuple[str, ...] = ()
-    """The arms by name; five arms when left out."""
+    """The arms by name or the paths of their URDFs; five arms when left out."""
 
     views: int = 6
     """Pictures per scene."""

@@ -39,7 +39,7 @@ class BenchEyeToHand:
     """First joint pose: one that tells much for cameras anywhere, or all zeros as published."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
 
     size: str = "1280x720"
     """Of the pictures, WIDTHxHEIGHT."""
@@ -119,7 +119,7 @@ class BenchInit:
     """Joint poses that the arm is driven to, the same in all scenes."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
 
     size: str = "1280x720"
     """Of the masks, WIDTHxHEIGHT."""

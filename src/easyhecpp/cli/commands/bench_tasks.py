@@ -32,7 +32,11 @@ class BenchTargeting:
     """Calibrated from masks at the IoU of the paper's, or from photo-real images alone."""
 
     robot: str = "xarm7"
-    """The arm, by name."""
+    """The arm, by name or the path of its URDF."""
+
+    ee_link: str | None = None
+    """The link that is sent to the corner; when left out, the known one of an arm by name, or the
+    last link of the longest chain of a URDF."""
 
     size: str = "1280x720"
     """Of the pictures, WIDTHxHEIGHT."""
@@ -62,6 +66,7 @@ class BenchTargeting:
             targets = run_targeting(
                 bench,
                 self.trials,
+                ee_link=self.ee_link,
                 rows_file=rows_file(self.out),
                 workers=self.workers,
                 progress=lambda done, _: tell(f"{done} of {self.scenes} scenes"),
