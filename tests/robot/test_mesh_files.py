@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
@@ -53,6 +54,49 @@ def test_stl_in_words_and_binary_stl_that_begins_with_solid(tmp_path: Path) -> N
     assert volume(*read_mesh(binary)) == pytest.approx(0.001, rel=1e-5)
     binary.write_bytes(b"exported".ljust(80) + data[80:] + b"trailing bytes")
     assert volume(*read_mesh(binary)) == pytest.approx(0.001, rel=1e-5)
+
+
+def test_stl_in_capital_words(tmp_path: Path) -> None:
+    TETRAHEDRON.export(tmp_path / "words.stl", file_type="stl_ascii")
+    shouted = tmp_path / "shouted.stl"
+    shouted.write_bytes((tmp_path / "words.stl").read_bytes().upper())
+    assert volume(*read_mesh(shouted)) == pytest.approx(0.001, rel=1e-5)
+
+
+def test_stl_in_words_that_is_cut_off(tmp_path: Path) -> None:
+    path = tmp_path / "cut.stl"
+    TETRAHEDRON.export(path, file_type="stl_ascii")
+    text = path.read_text()
+    path.write_text(text[: text.index("endsolid")])
+    assert "12 corners in 4 finished triangles, and no 'endsolid'" in message(path)
+    path.write_text(text[: text.rindex("vertex")])
+    assert "11 corners in 3 finished triangles" in message(path)
+    path.write_text(text.replace("vertex", "vertx", 1))
+    assert "11 corners in 4 finished triangles" in message(path)
+
+
+# A square of side 2 with a notch in its upper edge, 2.2 square metres.
+NOTCHED = "0 0 0 2 0 0 2 2 0 1 0.2 0 0 2 0"
+
+
+def area(vertices: np.ndarray, faces: np.ndarray) -> float:
+    return LinkMesh.from_triangles(vertices, faces).area
+
+
+@pytest.mark.parametrize("face", ["1 2 3 4 5", "-5 -4 -3 -2 -1", "4/1/1 5//2 1 \\\n2/7 3 # end"])
+def test_obj_polygons_that_are_not_convex(tmp_path: Path, face: str) -> None:
+    corners = np.array(NOTCHED.split()).reshape(-1, 3)
+    lines = ["mtllib none.mtl", "o a", *(f"v {' '.join(corner)}" for corner in corners)]
+    path = tmp_path / "notched.obj"
+    path.write_text("\n".join([*lines, "vn 0 0 1", "usemtl x", f"f {face}", ""]))
+    assert area(*read_mesh(path)) == pytest.approx(2.2)
+
+
+def test_obj_faces_of_vertices_that_are_not_there(tmp_path: Path) -> None:
+    path = tmp_path / "short.obj"
+    for face in ("1 2 4", "1 2 -4", "0 1 2"):
+        path.write_text(f"v 0 0 0\nv 1 0 0\nv 1 1 0\nf {face}\n")
+        assert "a face names a vertex that is not among the 3 of the file" in message(path)
 
 
 def collada(asset: str = "", nodes: str | None = None, before: str = "") -> str:
@@ -114,6 +158,32 @@ def test_collada_with_entities_is_refused(tmp_path: Path) -> None:
     text = collada(before='<!DOCTYPE COLLADA [<!ENTITY a "x">]>')
     with pytest.raises(InputError, match="document type declaration"):
         read_collada(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "primitive",
+    [
+        '<polylist count="1">INPUT<vcount>5</vcount><p>0 1 2 3 4</p></polylist>',
+        '<polygons count="1">INPUT<p>0 1 2 3 4</p></polygons>',
+        '<polygons count="2">INPUT<p>0 1 3 4</p><p>1 2 3</p></polygons>',
+    ],
+)
+def test_collada_polygons_that_are_not_convex(tmp_path: Path, primitive: str) -> None:
+    text = collada().replace("0 0 0 1 0 0 0 2 0 0 0 3", NOTCHED).replace('"4" stride', '"5" stride')
+    text = text.replace('count="12"', 'count="15"')
+    source = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    polygons = re.sub(
+        r"<polylist.*</polylist>", primitive.replace("INPUT", source), text, flags=re.DOTALL
+    )
+    assert area(*read_collada(tmp_path, polygons)) == pytest.approx(2.2)
+
+
+def test_collada_polygons_with_holes_are_refused(tmp_path: Path) -> None:
+    holes = collada().replace(
+        "</polylist>", "</polylist><polygons><ph><p>0 1 2</p></ph></polygons>"
+    )
+    with pytest.raises(InputError, match=r"polygons with holes.*Export it with triangles"):
+        read_collada(tmp_path, holes)
 
 
 def test_glb_scene_graph_is_applied(tmp_path: Path) -> None:

@@ -43,6 +43,26 @@ def test_not_xml_and_not_a_urdf(tmp_path: Path) -> None:
     assert ".xacro" in message(path)
 
 
+@pytest.mark.parametrize(
+    "inside",
+    [
+        '<xacro:include filename="hand.xacro"/>',
+        '<gazebo><xacro:property name="x" value="1"/></gazebo>',
+        '<xacro:macro name="m" params=""/>',
+    ],
+)
+def test_xacro_that_is_called_a_urdf(tmp_path: Path, inside: str) -> None:
+    path = tmp_path / "robot.urdf"
+    namespace = 'xmlns:xacro="http://ros.org/wiki/xacro"'
+    path.write_text(f'<robot {namespace} name="r"><link name="a">{BOX}</link>{inside}</robot>')
+    text = message(path)
+    assert "has to be expanded first: it holds <xacro:" in text
+    assert "Give it the suffix .xacro" in text
+    # Expanded files often keep the declaration.
+    path.write_text(f'<robot {namespace} name="r"><link name="a">{BOX}</link></robot>')
+    assert Robot.from_urdf(path).link_names == ("a",)
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
 def test_entities_are_refused_before_they_expand(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "robot.urdf"

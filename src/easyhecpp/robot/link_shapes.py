@@ -17,7 +17,7 @@ from easyhecpp.robot.mesh_files import Triangles, concatenate, read_mesh
 from easyhecpp.robot.urdf import Shape
 
 # Part of the names in the cache: change it with anything that changes a mesh.
-_VERSION = 1
+_VERSION = 2
 _FIELDS = tuple(field.name for field in fields(LinkMesh))
 
 

@@ -1,7 +1,8 @@
 """Mesh files to bare triangles, in the file's own axes and in metres.
 
-STL and COLLADA, which nearly all robots use, are read here, because importing a general mesh
-library costs more than reading all meshes of an arm; the rest goes through trimesh.
+STL, COLLADA and OBJ, which nearly all robots use, are read here, because importing a general mesh
+library costs more than reading all meshes of an arm, and because such libraries cut every polygon
+into a fan, which is wrong where it is not convex. The rest goes through trimesh.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from easyhecpp.errors import InputError
+from easyhecpp.robot.polygons import triangulate
 from easyhecpp.robot.safe_xml import refuse_dtd
 
 SUFFIXES = (".stl", ".dae", ".obj", ".ply", ".glb", ".gltf", ".off")
@@ -46,7 +48,8 @@ def read_mesh(path: Path) -> Triangles:
         vertices (V, 3) float64 and faces (F, 3), not welded.
 
     Raises:
-        InputError: unknown format, unreadable file, no triangles, numbers that are not finite.
+        InputError: unknown format, unreadable or truncated file, no triangles, numbers that are
+            not finite.
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -62,6 +65,8 @@ def read_mesh(path: Path) -> Triangles:
             vertices, faces = _read_stl(data)
         elif suffix == ".dae":
             vertices, faces = _read_collada(data, path)
+        elif suffix == ".obj":
+            vertices, faces = _read_obj(data)
         else:
             vertices, faces = _read_with_trimesh(path)
     except InputError:
@@ -90,16 +95,54 @@ def _read_stl(data: bytes) -> Triangles:
     ):
         facets = np.frombuffer(data, _STL_FACET, count, _STL_HEADER_BYTES)
         corners = facets["corners"].astype(np.float64).reshape(-1, 3)
-    elif data.lstrip().startswith(b"solid"):
-        words = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
-        corners = np.array(words, dtype=bytes).astype(np.float64).reshape(-1, 3)
+    elif data[:256].lstrip().lower().startswith(b"solid"):
+        corners = _stl_words(data.lower())
     else:
         raise ValueError(f"{len(data)} bytes, but its header promises {count} triangles")
     return corners, np.arange(len(corners)).reshape(-1, 3)
 
 
+def _stl_words(text: bytes) -> np.ndarray:
+    """(3 F, 3) corners of an STL in words, lower case."""
+    words = re.findall(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", text)
+    count = len(re.findall(rb"\bend\s*facet\b", text))
+    ended = re.search(rb"\bend\s*solid\b", text) is not None
+    if len(words) != 3 * count or not ended:
+        raise ValueError(
+            f"it is cut off or damaged: {len(words)} corners in {count} finished triangles"
+            + ("" if ended else ", and no 'endsolid'")
+        )
+    return np.array(words, dtype=bytes).astype(np.float64).reshape(-1, 3)
+
+
+def _read_obj(data: bytes) -> Triangles:
+    """Vertices and faces of an OBJ; normals, materials and groups say nothing about shape."""
+    vertices: list[list[bytes]] = []
+    corners: list[int] = []
+    counts: list[int] = []
+    for line in re.sub(rb"\\\r?\n", b" ", data).splitlines():
+        words = line.partition(b"#")[0].split()
+        if words[:1] == [b"v"]:
+            vertices.append(words[1:4])
+        elif words[:1] == [b"f"]:
+            numbers = [int(word.partition(b"/")[0]) for word in words[1:]]
+            # They count from 1, or backwards from the last vertex so far.
+            corners += [n - 1 if n > 0 else len(vertices) + n for n in numbers]
+            counts.append(len(numbers))
+    if corners and (min(corners) < 0 or max(corners) >= len(vertices)):
+        raise ValueError(f"a face names a vertex that is not among the {len(vertices)} of the file")
+    points = np.array(vertices, dtype=bytes).astype(np.float64).reshape(-1, 3)
+    return points, triangulate(points, np.array(corners, np.int64), np.array(counts, np.int64))
+
+
 def _read_collada(data: bytes, path: Path) -> Triangles:
     refuse_dtd(data, path)
+    if re.search(rb"<(\w+:)?ph\b", data):
+        raise InputError(
+            "The mesh has polygons with holes (<ph>), which are not read",
+            where=path,
+            fix="Export it with triangles",
+        )
     from collada import Collada, common  # 0.2 s, only for robots that use it
 
     ignored = [common.DaeUnsupportedError, common.DaeBrokenRefError]
@@ -119,12 +162,15 @@ def _read_collada(data: bytes, path: Path) -> Triangles:
 
 def _collada_triangles(primitive: Any) -> Triangles | None:
     """Triangles of a COLLADA primitive, None for lines and for empty ones."""
-    if hasattr(primitive, "triangleset"):
-        primitive = primitive.triangleset()
     index = getattr(primitive, "vertex_index", None)
-    if index is None or primitive.vertex is None or np.ndim(index) != 2 or index.shape[1] != 3:
+    if index is None or primitive.vertex is None:
         return None
-    return np.asarray(primitive.vertex, np.float64), np.asarray(index)
+    vertices = np.asarray(primitive.vertex, np.float64)
+    if hasattr(primitive, "vcounts"):  # <polylist> and <polygons>
+        return vertices, triangulate(vertices, np.asarray(index), np.asarray(primitive.vcounts))
+    if np.ndim(index) != 2 or index.shape[1] != 3:
+        return None
+    return vertices, np.asarray(index)
 
 
 def _read_with_trimesh(path: Path) -> Triangles:

@@ -103,8 +103,9 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
     """Parse the bytes of a URDF; `path` is only used in error texts.
 
     Raises:
-        InputError: not XML, not a URDF, a DTD, a number that is not finite, an unknown joint
-            type, or links that do not form one tree. Shapes that cannot be drawn say so themselves.
+        InputError: not XML, not a URDF, xacro elements, a DTD, a number that is not finite, an
+            unknown joint type, or links that do not form one tree. Shapes that cannot be drawn say
+            so themselves.
     """
     element = parse_xml(data, path)
     if element.tag != "robot":
@@ -114,6 +115,7 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
             expected="a <robot> element",
             fix="Give a URDF or a xacro file; convert SDF and MJCF models first",
         )
+    _refuse_xacro(element, path)
     links = _unique((_read_link(e, path) for e in element.findall("link")), "link", path)
     joints = _unique((_read_joint(e, path) for e in element.findall("joint")), "joint", path)
     if not links:
@@ -125,6 +127,19 @@ def parse_urdf(data: bytes, path: Path) -> Urdf:
         )
     root = _check_tree(links, list(joints.values()), path)
     return Urdf(element.get("name") or path.stem, links, tuple(joints.values()), root)
+
+
+def _refuse_xacro(robot: ET.Element, path: Path) -> None:
+    """Xacro elements in a file that is read as a URDF: what they stand for would be missing."""
+    for element in robot.iter():
+        namespace, _, name = element.tag.rpartition("}")
+        if "xacro" in namespace:
+            raise InputError(
+                f"The file has to be expanded first: it holds <xacro:{name}>",
+                where=path,
+                expected="a URDF without xacro elements",
+                fix="Give it the suffix .xacro, or expand it (xacro FILE > robot.urdf)",
+            )
 
 
 def _unique(items: Iterable[Named], what: str, path: Path) -> dict[str, Named]:
