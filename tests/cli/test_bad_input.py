@@ -227,6 +227,48 @@ def test_unknown_segmenter(folder: CaptureFolder, run: Run) -> None:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("words", "phrase"),
+    [
+        (["--device", "tpu"], "unknown device 'tpu'"),
+        (["--box-weights", "nowhere"], "The weights 'nowhere' of --box-weights are not on this"),
+        (["--text-weights", "./nowhere"], "The weights './nowhere' of --text-weights are not on"),
+        (["--text", ""], "The text that names the arm is empty"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+@pytest.mark.parametrize("segmenter", ["auto", "given", "classical"])
+def test_settings_of_models_that_cannot_be_used(
+    folder: CaptureFolder, run: Run, segmenter: str, words: list[str], phrase: str
+) -> None:
+    assert_one_error(
+        *run("calibrate", folder.root, "--quiet", "--segmenter", segmenter, *words), phrase
+    )
+    if segmenter == "auto":
+        assert_one_error(*run("segment", folder.root, "--quiet", *words), phrase)
+
+
+def test_all_weights_that_are_missing_are_named_at_once(
+    folder: CaptureFolder, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    constants = pytest.importorskip("huggingface_hub.constants", reason="needs the extra 'models'")
+    pytest.importorskip("torch", reason="needs the extra 'models'")
+    monkeypatch.setattr(constants, "HF_HUB_CACHE", str(tmp_path / "hub"))
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    assert_one_error(
+        *run("calibrate", folder.root, "--quiet", "--segmenter", "grounded-sam"),
+        "hf download IDEA-Research/grounding-dino-base",
+        "hf download facebook/sam-vit-huge",
+        "--text-weights and --box-weights",
+    )
+
+
+def test_a_table_of_prompts_needs_a_pretrained_segmenter(folder: CaptureFolder, run: Run) -> None:
+    code, out, err = run("bench", "prompts", folder.root, "--segmenter", "classical")
+    assert_one_error(code, out, err, "unknown pretrained segmenter 'classical'", "grounded-sam")
+    assert "one of auto" not in err
+
+
 # Result files
 
 
