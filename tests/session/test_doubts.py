@@ -119,7 +119,9 @@ def test_the_worst_notes_are_shown_and_the_others_counted():
     [(2, "views 0 and 1"), (3, "views 0, 1 and 2"), (6, "views 0, 1, 2 and 3 more")],
 )
 def test_what_several_views_share_is_said_once(count, named):
-    masks = masks_with_notes(*[(str(i), 0.9, ("Wrist is hidden.",)) for i in range(count)])
+    masks = masks_with_notes(
+        *[(str(i), 0.9 - 0.1 * i, ("Wrist is hidden.",)) for i in range(count)]
+    )
     assert short_mask_notes(masks, ()) == (f"{named}: Wrist is hidden.",)
 
 

@@ -59,7 +59,11 @@ def short_mask_notes(masks: CaptureMasks, quality: Sequence[ViewQuality]) -> tup
     views: dict[str, list[str]] = {}
     for _, _, note, view_id in sorted(ranked, key=lambda entry: entry[:2]):
         views.setdefault(note, []).append(view_id)
-    lines = [f"{_named(ids)}: {note}" for note, ids in list(views.items())[:_SHOWN]]
+    order = [view.view_id for view in masks.views]
+    lines = [
+        f"{_named(sorted(ids, key=order.index))}: {note}"
+        for note, ids in list(views.items())[:_SHOWN]
+    ]
     if len(views) > _SHOWN:
         lines.append(f"and {len(views) - _SHOWN} more on the masks; the page lists them by view")
     return tuple(lines)
