@@ -135,7 +135,7 @@ def test_scenes_are_resumed(known_poses: None, tmp_path: Path, monkeypatch: pyte
 def test_the_table_puts_ours_beside_the_published_rows():
     steps = [
         *(Step(k, "random", n, 2.0 * k / n, 0.1, 3.0) for k in (1, 2) for n in (1, 2)),
-        Step(3, "random", 1),
+        Step(3, "random", 1, status="The arm is in no picture."),
         Step(3, "random", 2, 100.0, 9.0, 3.0, blind=True),
     ]
     bench = EyeToHandBench(3, 1, views=2, choose=("random",))
@@ -146,6 +146,7 @@ def test_the_table_puts_ours_beside_the_published_rows():
     assert cells["published EasyHeC++", "mm mean"] == (3.18, 1.76)
     assert cells["published DREAM", "deg mean"] == (1.924, 1.240)
     assert any("1 of 6" in note for note in table.notes)
+    assert "Failed, scene 3, random, view 1: The arm is in no picture." in table.notes
     assert len(eye_to_hand_plot(bench, steps).axes) == 2
 
 

@@ -58,6 +58,7 @@ def test_the_table():
     assert lines["ours, sampling, refined"]["mm mean"] == pytest.approx(1.5)
     assert lines["ours, sampling, refined"]["time"] == "2.50 s"
     assert lines["ours, the paper's grid"]["failures"] == "2 of 2"
+    assert "Failed, scene 1, ours, the paper's grid: lost" in table.notes
     assert lines["published EasyHeC++ (sampling)"]["mm mean"] == 2.6
     assert lines["published EasyHeC (PVNet)"]["deg mean"] == 3.94
     assert len(init_plot(rows).axes) == 1

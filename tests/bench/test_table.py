@@ -7,7 +7,7 @@ import math
 import pytest
 import rich.console
 
-from easyhecpp.bench.table import Table, describe_machine, machine_sentence
+from easyhecpp.bench.table import Table, describe_machine, failure_notes, machine_sentence
 
 TABLE = Table(
     title="Errors",
@@ -58,3 +58,10 @@ def test_machine_is_described() -> None:
     sentence = machine_sentence(machine)
     assert "cores" in sentence
     assert "Python 3." in sentence
+
+
+def test_three_failures_are_told_and_the_others_counted():
+    failures = [(f"scene {k}", "lost") for k in range(5)]
+    assert failure_notes([]) == ()
+    assert failure_notes(failures[:2]) == ("Failed, scene 0: lost", "Failed, scene 1: lost")
+    assert failure_notes(failures)[2:] == ("Failed, scene 2: lost", "2 more failed.")

@@ -79,6 +79,7 @@ def test_without_a_pose_every_attempt_is_a_miss(monkeypatch: pytest.MonkeyPatch)
     assert [t.tip_mm for t in found] == [None, None]
     table = targeting_table(BENCH, found)
     assert any("2 of 2" in note for note in table.notes)
+    assert "Failed, scene 0, attempt 1: lost" in table.notes
 
 
 def test_the_table_and_the_plot():

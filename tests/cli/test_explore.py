@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -160,6 +161,8 @@ def test_the_table_can_be_appended_to_the_captures_own(
     [
         (["--count", "0"], "0 joint poses were asked for"),
         (["--result", "nowhere.json"], "nowhere.json"),
+        (["--floor", "nan"], "The floor is nan"),
+        (["--floor", "inf"], "The floor is inf"),
     ],
 )
 def test_bad_input(folder: Path, tmp_path: Path, words: list[str], phrase: str) -> None:
@@ -173,6 +176,22 @@ def test_an_unknown_method_lists_them(folder: Path, capsys: pytest.CaptureFixtur
     with pytest.raises(SystemExit) as caught:
         run("explore", folder, "--method", "best")
     assert caught.value.code == 2
+
+
+def test_before_any_view_only_what_is_needed_is_missed_and_a_method_is_not_used(
+    folder: Path, tmp_path: Path
+) -> None:
+    bare = tmp_path / "bare"
+    shutil.copytree(folder, bare, ignore=shutil.ignore_patterns("images", "masks", "joints.csv"))
+    words = ("explore", bare, "--count", 1, "--method", "random", "--out", tmp_path / "o")
+    assert "note: --method random was not used" in run(*words).out
+    urdf = next(bare.glob("robot/**/*.urdf"))
+    urdf.write_text(re.sub(r'<limit lower="-1.2"[^>]*>', "", urdf.read_text()))
+    ran = run(*words)
+    assert ran.code == 2
+    assert "The revolute joint 'pitch' has no <limit>" in ran.err
+    assert "joints.csv" not in ran.err
+    assert "images" not in ran.err
 
 
 def test_a_robot_without_limits(folder: Path, result: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from easyhecpp.bench.eye_to_hand import EyeToHandBench, Step
 from easyhecpp.bench.metrics import ErrorSummary, summarise
 from easyhecpp.bench.plots import curves_plot
 from easyhecpp.bench.published import EYE_TO_HAND
-from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
+from easyhecpp.bench.table import Cell, Table, describe_machine, failure_notes, machine_sentence
 
 
 def eye_to_hand_table(bench: EyeToHandBench, steps: Sequence[Step]) -> Table:
@@ -38,6 +38,13 @@ def eye_to_hand_table(bench: EyeToHandBench, steps: Sequence[Step]) -> Table:
             "over the right poses (within 20 mm and 2 deg), medians and percentiles over all. The "
             "published rows leave out scenes in which the marker way or DREAM fails.",
             f"Joint poses for an unknown camera instead of chosen ones: {blind} of {len(steps)}.",
+            *failure_notes(
+                [
+                    (f"scene {s.scene}, {s.choose}, view {s.views}", s.status)
+                    for s in steps
+                    if s.error is None
+                ]
+            ),
             machine_sentence(describe_machine()),
         ),
     )

@@ -22,7 +22,7 @@ from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import FIRST_POSE
 from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
 from easyhecpp.bench.stages import MaskStage, arm_for_scenes, poses_for_any_camera
-from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
+from easyhecpp.bench.table import Cell, Table, describe_machine, failure_notes, machine_sentence
 from easyhecpp.errors import InputError
 from easyhecpp.initialise import SamplingConfig, sample_initial_pose
 from easyhecpp.sim.robots import load_robot
@@ -171,6 +171,13 @@ def init_table(bench: InitBench, rows: Sequence[InitRow]) -> Table:
             "20 mm and 2 deg), medians and percentiles over all; time: median, warm, without the "
             "arm's motion and without a graphics card. The published time includes the motion.",
             "Matching against earlier calibrations is published, but not part of this package.",
+            *failure_notes(
+                [
+                    (f"scene {row.scene}, {_name(row.grid, refined=False)}", row.status)
+                    for row in rows
+                    if row.status
+                ]
+            ),
             machine_sentence(describe_machine()),
         ),
     )

@@ -19,6 +19,7 @@ from easyhecpp._parallel import usable_cores
 
 Cell = str | int | float | None
 
+_TOLD = 3
 _PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "trimesh")
 
 
@@ -78,6 +79,17 @@ class Table:
 
     def _texts(self) -> list[list[str]]:
         return [[_text(cell) for cell in row] for row in self.rows]
+
+
+def failure_notes(failures: Sequence[tuple[str, str]]) -> tuple[str, ...]:
+    """What the first failures said, for below a table; the others are counted.
+
+    Args:
+        failures: Where each happened, and its text.
+    """
+    told = tuple(f"Failed, {where}: {text}" for where, text in failures[:_TOLD])
+    more = len(failures) - len(told)
+    return (*told, f"{more} more failed.") if more else told
 
 
 def describe_machine() -> dict[str, Any]:

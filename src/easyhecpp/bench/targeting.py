@@ -33,7 +33,7 @@ from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.published import TARGETING_MM
 from easyhecpp.bench.scenes_pool import SCENE_FAILURES, RowFile, resumed
 from easyhecpp.bench.stages import Stage
-from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
+from easyhecpp.bench.table import Cell, Table, describe_machine, failure_notes, machine_sentence
 from easyhecpp.errors import InputError
 from easyhecpp.geometry import inverse, make_transform, transform_points
 from easyhecpp.robot import Robot
@@ -123,9 +123,9 @@ def scene_targets(
     """
     try:
         stage, joints = make_stage(bench, blind, scene)
-        *_, (_, estimate) = walk(stage, joints, bench.seed, scene, bench.choose[0])
+        *_, (last, estimate) = walk(stage, joints, bench.seed, scene, bench.choose[0])
         if estimate is None:
-            return [Target(scene, k, status="no pose was found") for k in range(trials)]
+            return [Target(scene, k, status=last.status) for k in range(trials)]
         rng = np.random.default_rng([bench.seed, scene, 1])
         return list(_attempts(stage, estimate.T_mount_cam, tip, trials, scene, rng))
     except SCENE_FAILURES as error:
@@ -157,6 +157,9 @@ def targeting_table(bench: EyeToHandBench, targets: Sequence[Target]) -> Table:
             "Mean over the attempts that could be made; an attempt without a pose or a corner "
             "counts as a miss in median and percentile: "
             f"{sum(t.tip_mm is None for t in targets)} of {len(targets)}.",
+            *failure_notes(
+                [(f"scene {t.scene}, attempt {t.trial}", t.status) for t in targets if t.status]
+            ),
             machine_sentence(describe_machine()),
         ),
     )

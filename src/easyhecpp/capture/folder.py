@@ -18,7 +18,7 @@ from easyhecpp.capture.joint_table import JointTable, read_joint_table
 from easyhecpp.capture.joints import JointReader
 from easyhecpp.capture.picture_files import PictureFiles
 from easyhecpp.capture.pictures import check_depths, check_images, check_masks
-from easyhecpp.capture.problems import Findings, Part
+from easyhecpp.capture.problems import Findings, Part, Problem
 from easyhecpp.capture.view import View
 from easyhecpp.errors import InputError
 from easyhecpp.rig import Rig
@@ -42,6 +42,7 @@ class FolderContents:
         robot: The robot, None when it could not be read.
         views: Views with joints and pictures, without those that `findings` drop.
         findings: Everything that was wrong or had to be assumed.
+        rig_errors: Those of the findings that left no camera or no robot.
     """
 
     root: Path
@@ -50,6 +51,7 @@ class FolderContents:
     robot: Robot | None
     views: tuple[View, ...]
     findings: Findings
+    rig_errors: tuple[Problem, ...]
 
 
 def read_folder(folder: str | Path) -> FolderContents:
@@ -64,6 +66,7 @@ def read_folder(folder: str | Path) -> FolderContents:
     findings = Findings()
     camera = _read_camera(root, config, findings)
     robot = _read_robot(root, config, findings)
+    rig_errors = tuple(findings.errors)
     table: JointTable | None = None
     with findings.catching():
         table = read_joint_table(root / config.joints, findings)
@@ -77,7 +80,7 @@ def read_folder(folder: str | Path) -> FolderContents:
     check_masks(files.masks, camera, findings)
     check_depths(files.depths, camera, findings)
     views = _views(vectors, files, findings)
-    return FolderContents(root, config, camera, robot, views, findings)
+    return FolderContents(root, config, camera, robot, views, findings, rig_errors)
 
 
 def _checked_root(root: Path) -> Path:

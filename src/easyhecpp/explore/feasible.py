@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
-from easyhecpp.errors import NothingSuitsError
+from easyhecpp.errors import InputError, NothingSuitsError
 from easyhecpp.explore.candidates import draw_candidates
 from easyhecpp.explore.floor import Floor, floor_height, lowest_points
 from easyhecpp.explore.protocols import CollisionChecker
@@ -58,6 +58,14 @@ class Limits:
     min_seen: float = 0.6
     min_change: float = 0.08
     floor: Floor = "foot"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.floor, float) and not np.isfinite(self.floor):
+            raise InputError(
+                f"The floor is {self.floor}",
+                where="floor",
+                expected="a height in metres, 'foot', or none",
+            )
 
 
 @dataclass

@@ -93,7 +93,9 @@ def propose(
     tell("reading the capture")
     contents = read_folder(folder)
     if contents.robot is None or contents.camera is None:
-        raise joined_error(contents.findings.errors, contents.root)
+        # Where there are no views yet, their files may be missing too.
+        problems = contents.findings.errors if _has_joints(contents) else contents.rig_errors
+        raise joined_error(problems, contents.root)
     rig = Rig(contents.robot, contents.config.setup, contents.config.ee_link)
     checker = best_checker(rig.robot)
     known, notes = _knowledge(contents, rig, result, tell)
@@ -104,6 +106,8 @@ def propose(
     if known is None:
         joints = _first(rig, contents.camera, count, rng, checker, config)
         notes += (checker.description,)
+        if config.method != ExploreConfig.method:
+            notes += (f"--method {config.method} was not used: it needs a camera that is known.",)
     else:
         proposals = choose_many(rig, contents.camera, known, config, count, rng, checker=checker)
         joints = np.stack([p.joints for p in proposals])
@@ -154,8 +158,7 @@ def _knowledge(
     """What is known of the camera, and what to say about it."""
     if result is not None:
         return _from_result(contents, rig, result), ()
-    table = contents.root / contents.config.joints
-    if obstacle(table) is None and not is_file(table):
+    if not _has_joints(contents):
         return None, ("There are no views yet: these joint poses tell much from any side.",)
     if contents.views and not any(view.has_image or view.has_mask for view in contents.views):
         return None, ("No view has a picture or a mask: nothing is known of the camera yet.",)
@@ -167,6 +170,12 @@ def _knowledge(
         return None, ("The calibration of the views so far failed, so they are not built upon.",)
     joints = {view.id: view.joints for view in found.capture.views}
     return Knowledge.of(found.estimate, [joints[v.id] for v in found.estimate.views]), ()
+
+
+def _has_joints(contents: FolderContents) -> bool:
+    """Whether there is a table of joints, be it one that cannot be read."""
+    table = contents.root / contents.config.joints
+    return obstacle(table) is not None or is_file(table)
 
 
 def _from_result(contents: FolderContents, rig: Rig, path: Path) -> Knowledge:
