@@ -71,6 +71,23 @@ def test_grey_sixteen_bit_and_alpha_become_plain_colour(tmp_path):
     np.testing.assert_array_equal(read_image(alpha), COLOUR)
 
 
+@pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
+def test_sixteen_bits_are_scaled_by_those_that_are_used(folder, bits):
+    deep = [(RNG.integers(0, 2**bits, (48, 64, 3))).astype(np.uint16) for _ in folder.views]
+    deep[0][0, 0] = 2**bits - 1
+    deep[1] //= 8  # a dark one stays dark
+    for view, image in zip(folder.views, deep, strict=True):
+        folder.image(f"{view}.png", image)
+    for view, image in zip(Capture.load(folder.root).views, deep, strict=True):
+        np.testing.assert_array_equal(view.image, image >> (bits - 8))
+        np.testing.assert_array_equal(view.with_joints(view.joints).image, view.image)
+
+
+def test_what_is_brighter_than_the_others_does_not_wrap_round(tmp_path):
+    deep = save(tmp_path / "deep.png", np.full((4, 5, 3), 5000, np.uint16))
+    assert (read_image(deep, bits=12) == 255).all()
+
+
 def test_an_exif_rotation_is_not_applied(tmp_path):
     plain = cv2.imencode(".jpg", COLOUR)[1].tobytes()
     entry = struct.pack(">HHIHH", 0x0112, 3, 1, 6, 0)
@@ -79,6 +96,15 @@ def test_an_exif_rotation_is_not_applied(tmp_path):
     path.write_bytes(plain[:2] + b"\xff\xe1" + struct.pack(">H", len(exif) + 2) + exif + plain[2:])
     assert cv2.imread(str(path)).shape == (30, 20, 3)
     assert read_image(path).shape == (20, 30, 3)
+
+
+def test_the_used_bits_are_noted(folder):
+    for view in folder.views:
+        folder.image(f"{view}.png", RNG.integers(0, 4096, (48, 64, 3)).astype(np.uint16))
+    assert any(
+        "12 of 16 bits per channel are used and scaled to 8, in all views alike" in note
+        for note in Capture.load(folder.root).notes
+    )
 
 
 def test_conversions_are_noted(folder):

@@ -167,6 +167,16 @@ def test_a_jump_of_the_exposure_is_named(folder: Folder, run: Run) -> None:
     assert "Images much darker than the others: 0001. Fix exposure" in ran.said
 
 
+def test_twelve_bits_in_a_file_of_sixteen(folder: Folder, run: Run) -> None:
+    for view in range(N_VIEWS):
+        folder.change(view, lambda picture: 16 * picture.astype(np.uint16) + 7)
+    assert run("check-capture", folder).said.count("\n") == 2  # a note, and the count
+    ran = run("calibrate", folder, "--segmenter", "classical")
+    assert ran.code == 0
+    assert ran.off_m < 0.004
+    assert "12 of 16 bits per channel are used" in ran.said
+
+
 def test_a_camera_that_moved_for_one_view(folder: Folder, run: Run) -> None:
     folder.change(6, shifted)
     checked = run("check-capture", folder)

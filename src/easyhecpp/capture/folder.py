@@ -76,10 +76,10 @@ def read_folder(folder: str | Path) -> FolderContents:
     files = PictureFiles.find(root, config, findings)
     if table is not None:
         files.match(table, findings)
-    check_images(files.images, camera, findings)
+    bits = check_images(files.images, camera, findings)
     check_masks(files.masks, camera, findings)
     check_depths(files.depths, camera, findings)
-    views = _views(vectors, files, findings)
+    views = _views(vectors, files, bits, findings)
     return FolderContents(root, config, camera, robot, views, findings, rig_errors)
 
 
@@ -165,7 +165,7 @@ def robot_path(root: Path, config: CaptureConfig) -> Path:
 
 
 def _views(
-    vectors: Mapping[str, NDArray[np.float64]], files: PictureFiles, findings: Findings
+    vectors: Mapping[str, NDArray[np.float64]], files: PictureFiles, bits: int, findings: Findings
 ) -> tuple[View, ...]:
     """The views without what the errors drop."""
     dropped: dict[Part, set[str]] = {"view": set(), "mask": set(), "depth": set()}
@@ -179,6 +179,7 @@ def _views(
             files.images.get(view),
             None if view in dropped["mask"] else files.masks.get(view),
             None if view in dropped["depth"] else files.depths.get(view),
+            image_bits=bits,
         )
         for view, joints in vectors.items()
         if view not in dropped["view"]

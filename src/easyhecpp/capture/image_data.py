@@ -19,23 +19,42 @@ from easyhecpp.errors import InputError
 CACHE_BYTES = 128 * 2**20
 
 _METRES_PER_UNIT = 1e-3
+_DEPTHS = (8, 10, 12, 14, 16)
 
 
-def read_image(path: Path) -> NDArray[np.uint8]:
+def read_image(path: Path, bits: int = 16) -> NDArray[np.uint8]:
     """Read a picture as ``(H, W, 3)`` uint8 RGB.
 
-    Grey is repeated, 16 bits are cut to the upper 8, alpha is dropped; an EXIF rotation is not
-    applied, since the intrinsics belong to the pixels as they are stored.
+    Grey is repeated, alpha is dropped; an EXIF rotation is not applied, since the intrinsics belong
+    to the pixels as they are stored.
+
+    Args:
+        path: A PNG or JPEG file.
+        bits: How many bits a file with 16 bits per channel uses, see `bits_used`; the upper 8 of
+            them are kept.
 
     Raises:
         InputError: The file cannot be read or decoded.
     """
     pixels = _decode(path)
     if pixels.dtype == np.uint16:
-        pixels = (pixels >> 8).astype(np.uint8)
+        pixels = np.minimum(pixels >> (bits - 8), 255).astype(np.uint8)
     if pixels.shape[2] < 3:
         return np.repeat(pixels[..., :1], 3, axis=2)
     return np.ascontiguousarray(pixels[..., 2::-1])
+
+
+def bits_used(path: Path) -> int:
+    """How many bits per channel a 16-bit picture needs: 8, 10, 12, 14 or 16.
+
+    Sensors of 10 to 14 bits are often stored as they are, at the lower end of the 16.
+
+    Raises:
+        InputError: The file cannot be read or decoded.
+    """
+    pixels = _decode(path)
+    highest = int(_colours(pixels).max())
+    return next(bits for bits in _DEPTHS if highest < 2**bits)
 
 
 def read_mask(path: Path) -> NDArray[np.bool_]:
@@ -76,10 +95,14 @@ def inspect_mask(path: Path) -> tuple[float, int]:
     return float(mask.mean()), int(np.count_nonzero(np.bincount(values.ravel())))
 
 
-def conversion_of(header: ImageHeader) -> str | None:
-    """What `read_image` changes in a picture of this format, or None."""
+def conversion_of(header: ImageHeader, bits: int) -> str | None:
+    """What `read_image` changes in a picture of this format that uses ``bits``, or None."""
     changes = []
-    if header.bits > 8:
+    if header.bits > bits:
+        changes.append(
+            f"{bits} of {header.bits} bits per channel are used and scaled to 8, in all views alike"
+        )
+    elif header.bits > 8:
         changes.append(f"{header.bits} bits per channel are cut to the upper 8")
     if header.channels < 3:
         changes.append("grey is taken as colour")
@@ -96,8 +119,10 @@ class ArrayCache:
         self._held: OrderedDict[tuple[object, ...], NDArray[Any]] = OrderedDict()
         self._lock = Lock()
 
-    def get(self, path: Path, reader: Callable[[Path], NDArray[Any]]) -> NDArray[Any]:
-        """The array that ``reader`` makes of ``path``, read-only; read anew when the file changed.
+    def get(
+        self, path: Path, reader: Callable[..., NDArray[Any]], *settings: object
+    ) -> NDArray[Any]:
+        """The array that ``reader(path, *settings)`` makes, read-only; anew when the file changed.
 
         Raises:
             InputError: The file cannot be read.
@@ -105,13 +130,13 @@ class ArrayCache:
         try:
             status = path.stat()
         except OSError:
-            return reader(path)
-        key = (str(path), status.st_mtime_ns, status.st_size, reader.__name__)
+            return reader(path, *settings)
+        key = (str(path), status.st_mtime_ns, status.st_size, reader.__name__, *settings)
         with self._lock:
             if key in self._held:
                 self._held.move_to_end(key)
                 return self._held[key]
-        array = reader(path)
+        array = reader(path, *settings)
         array.setflags(write=False)
         with self._lock:
             self._held[key] = array
@@ -138,9 +163,14 @@ def _decode(path: Path) -> NDArray[Any]:
     return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
+def _colours(pixels: NDArray[Any]) -> NDArray[Any]:
+    """The channels without alpha."""
+    return pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1]
+
+
 def _brightness(pixels: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Brightest channel per pixel, and whether it exceeds half of the picture's maximum."""
-    colours = pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1]
+    colours = _colours(pixels)
     has_alpha = pixels.shape[2] in (2, 4)
     if has_alpha and (colours == colours[0, 0]).all():
         colours = pixels[..., -1:]

@@ -9,7 +9,7 @@ from pathlib import Path
 from easyhecpp._paths import reason
 from easyhecpp.camera import Camera
 from easyhecpp.capture._text import listing, plural
-from easyhecpp.capture.image_data import conversion_of, inspect_mask, read_depth
+from easyhecpp.capture.image_data import bits_used, conversion_of, inspect_mask, read_depth
 from easyhecpp.capture.image_files import IMAGE_SUFFIXES, ImageHeader, read_header
 from easyhecpp.capture.problems import Findings, Part
 from easyhecpp.errors import InputError
@@ -57,16 +57,28 @@ def list_pictures(folder: Path, kind: str, findings: Findings) -> dict[str, Path
     return pictures
 
 
-def check_images(images: Mapping[str, Path], camera: Camera | None, findings: Findings) -> None:
-    """Check that all pictures are whole and of the camera's size."""
+def check_images(images: Mapping[str, Path], camera: Camera | None, findings: Findings) -> int:
+    """Check that all pictures are whole and of the camera's size.
+
+    Returns:
+        How many bits the pictures with 16 bits per channel use; the same for all, so that none
+        becomes brighter than the others.
+    """
     headers = _headers(images, "image", findings)
     _check_sizes(headers, "image", camera, findings)
+    used = []
+    for view, header in headers.items():
+        if header.bits > 8:
+            with findings.catching(views=(view,), drops="view"):
+                used.append(bits_used(images[view]))
+    bits = max(used, default=16)
     converted = defaultdict(list)
     for view, header in headers.items():
-        if (conversion := conversion_of(header)) is not None:
+        if (conversion := conversion_of(header, bits)) is not None:
             converted[conversion].append(view)
     for conversion, views in converted.items():
         findings.note(f"In the image of {_views(views)}, {conversion}")
+    return bits
 
 
 def check_masks(masks: Mapping[str, Path], camera: Camera | None, findings: Findings) -> None:

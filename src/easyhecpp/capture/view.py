@@ -25,16 +25,18 @@ class View:
         image: ``(H, W, 3)`` uint8 RGB, or a file.
         mask: ``(H, W)`` bool, true on the arm, or a file.
         depth: ``(H, W)`` float32 metres, 0 where unknown, or a file.
+        image_bits: How many bits an image file with 16 bits per channel uses.
 
     Raises:
         InputError: The joints are no vector of finite numbers, or an array has the wrong shape.
     """
 
-    __slots__ = ("_depth", "_image", "_mask", "id", "joints")
+    __slots__ = ("_depth", "_image", "_image_bits", "_mask", "id", "joints")
 
     id: str
     joints: NDArray[np.float64]
     _image: NDArray[np.uint8] | Path | None
+    _image_bits: int
     _mask: NDArray[np.bool_] | Path | None
     _depth: NDArray[np.float32] | Path | None
 
@@ -45,6 +47,7 @@ class View:
         image: ArrayLike | Path | None = None,
         mask: ArrayLike | Path | None = None,
         depth: ArrayLike | Path | None = None,
+        image_bits: int = 16,
     ) -> None:
         positions = np.array(joints, dtype=np.float64)
         if positions.ndim != 1 or not np.isfinite(positions).all():
@@ -56,6 +59,7 @@ class View:
         object.__setattr__(self, "id", str(id))
         object.__setattr__(self, "joints", positions)
         object.__setattr__(self, "_image", _source(image, id, "image", np.uint8, 3))
+        object.__setattr__(self, "_image_bits", image_bits)
         object.__setattr__(self, "_mask", _source(mask, id, "mask", np.bool_, 2))
         object.__setattr__(self, "_depth", _source(depth, id, "depth", np.float32, 2))
 
@@ -63,7 +67,7 @@ class View:
         raise AttributeError(f"a View cannot be changed (tried to set '{name}')")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return View, (self.id, self.joints, self._image, self._mask, self._depth)
+        return View, (self.id, self.joints, *self._pictures())
 
     def __repr__(self) -> str:
         parts = [
@@ -79,12 +83,15 @@ class View:
 
     def with_joints(self, joints: ArrayLike) -> View:
         """The same pictures, said to belong to other joint positions (n,), radians and metres."""
-        return View(self.id, joints, self._image, self._mask, self._depth)
+        return View(self.id, joints, *self._pictures())
+
+    def _pictures(self) -> tuple[Any, ...]:
+        return self._image, self._mask, self._depth, self._image_bits
 
     @property
     def image(self) -> NDArray[np.uint8] | None:
         """The picture ``(H, W, 3)`` uint8 RGB, if there is one."""
-        return _load(self._image, read_image)
+        return _load(self._image, read_image, self._image_bits)
 
     @property
     def mask(self) -> NDArray[np.bool_] | None:
@@ -151,5 +158,5 @@ def _source(
     return array.astype(dtype, copy=False)
 
 
-def _load(source: Any, reader: Callable[[Path], NDArray[Any]]) -> Any:
-    return CACHE.get(source, reader) if isinstance(source, Path) else source
+def _load(source: Any, reader: Callable[..., NDArray[Any]], *settings: object) -> Any:
+    return CACHE.get(source, reader, *settings) if isinstance(source, Path) else source

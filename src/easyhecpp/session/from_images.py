@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +10,9 @@ import numpy as np
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
 from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
+from easyhecpp.segment.classical.masks import NO_ARM
 from easyhecpp.segment.edges import EdgeRefinement, refine_edges
-from easyhecpp.segment.protocols import CaptureMasks, PoseBelief
+from easyhecpp.segment.protocols import CaptureMasks, PoseBelief, ViewMask
 from easyhecpp.segment.quality import assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
@@ -19,6 +20,7 @@ from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings, ViewFinding, solve_consistent
 from easyhecpp.solve.reasons import FEW_CONTOUR
+from easyhecpp.solve.types import ContourFit, ViewFit
 
 FEWEST_VIEWS = 3
 """With fewer views there is no background to tell the arm from."""
@@ -68,41 +70,45 @@ def calibrate_classically(
             replace(config, start_error_px=min(config.start_error_px, 8.0)),
         )
     return Outcome(
-        estimate,
-        _with_unseen(findings, capture.view_ids),
+        _in_order(estimate, capture.view_ids),
+        _with_unseen(findings, found.masks),
         masks,
         found.margin,
-        found.before_edges if edges else None,
+        _in_order(found.before_edges, capture.view_ids) if edges else None,
         found.reasons,
         (_edge_note(found.refinement),) if edges else (),
         found.quality,
     )
 
 
-def _with_unseen(findings: Findings, ids: Sequence[str]) -> Findings:
+def _with_unseen(findings: Findings, masks: Sequence[ViewMask]) -> Findings:
     """The findings with an entry for every view, those without a mask among them.
 
     A view gets no mask when the pose puts the arm out of it: it speaks neither for the pose nor
-    against it.
+    against it. A view whose picture should show the arm and does not speaks against it.
 
     Args:
         findings: Of the views that have a mask.
-        ids: Names of all views.
+        masks: One per view.
     """
     known = {finding.id: finding for finding in findings.views}
-    views = tuple(
-        known.get(
-            name,
-            ViewFinding(
-                name,
-                True,
-                (FEW_CONTOUR,),
-                f"View {name} shows nothing of the arm and says nothing.",
-            ),
-        )
-        for name in ids
-    )
+    views = tuple(known.get(mask.view_id) or _unseen(mask) for mask in masks)
     return replace(findings, views=views)
+
+
+def _unseen(mask: ViewMask) -> ViewFinding:
+    """What is said of a view without a mask."""
+    name = mask.view_id
+    if NO_ARM not in mask.notes:
+        sentence = f"View {name} shows nothing of the arm and says nothing."
+        return ViewFinding(name, True, (FEW_CONTOUR,), sentence)
+    return ViewFinding(
+        name,
+        False,
+        ("hidden",),
+        f"View {name} does not show the arm where the others expect it. Check that its joints "
+        "belong to its picture and that nothing hides the arm, or take the view again.",
+    )
 
 
 def refine_on_edges(
@@ -140,9 +146,7 @@ def refine_on_edges(
             ignore=silent,
         )
         quality = assess_at(backgrounds, refined.estimate.T_mount_cam, ids, silent)
-    estimate = refined.estimate
-    if refined.accepted and blind:
-        estimate = _with_blind(estimate, outcome.estimate)
+    estimate = _in_order(refined.estimate, used, outcome.estimate)
     return replace(
         outcome,
         estimate=estimate,
@@ -156,25 +160,33 @@ def _edge_note(refined: EdgeRefinement) -> str:
     return f"edges: {refined.reason}"
 
 
-def _with_blind(estimate: PoseEstimate, start: PoseEstimate) -> PoseEstimate:
-    """The edges' estimate with an entry of no weight for the views that they did not see.
+def _in_order(
+    estimate: PoseEstimate, ids: Sequence[str], before: PoseEstimate | None = None
+) -> PoseEstimate:
+    """An estimate with an entry for every view; of no weight for those that it did not see.
 
     Args:
-        estimate: Of the edge stage, for some of the views.
-        start: Of the masks, for all of them; its order is kept.
+        estimate: For some of the views.
+        ids: All of them, in their order.
+        before: What is known of the others from an earlier stage, if anything.
     """
     rows = {view.id: row for row, view in enumerate(estimate.views)}
+    if list(rows) == list(ids):
+        return estimate
+    earlier = {} if before is None else dict(_fits(before))
+    now = dict(_fits(estimate))
     views, contours = [], []
-    information, vectors = np.zeros((len(start.views), 7, 7)), np.zeros((len(start.views), 7))
-    for i, (view, contour) in enumerate(zip(start.views, start.contours, strict=True)):
-        row = rows.get(view.id)
-        if row is None:
-            views.append(replace(view, weight=0.0))
-            contours.append(contour)
+    information, vectors = np.zeros((len(ids), 7, 7)), np.zeros((len(ids), 7))
+    for i, name in enumerate(ids):
+        if name in now:
+            view, contour = now[name]
+            information[i] = estimate.information[rows[name]]
+            vectors[i] = estimate.vectors[rows[name]]
         else:
-            views.append(estimate.views[row])
-            contours.append(estimate.contours[row])
-            information[i], vectors[i] = estimate.information[row], estimate.vectors[row]
+            view, contour = earlier.get(name, _nothing(name))
+            view = replace(view, weight=0.0)
+        views.append(view)
+        contours.append(contour)
     return replace(
         estimate,
         views=tuple(views),
@@ -182,3 +194,23 @@ def _with_blind(estimate: PoseEstimate, start: PoseEstimate) -> PoseEstimate:
         information=information,
         vectors=vectors,
     )
+
+
+def _fits(estimate: PoseEstimate) -> Iterator[tuple[str, tuple[ViewFit, ContourFit]]]:
+    for view, contour in zip(estimate.views, estimate.contours, strict=True):
+        yield view.id, (view, contour)
+
+
+def _nothing(name: str) -> tuple[ViewFit, ContourFit]:
+    """The fit of a view without any outline."""
+    none = np.zeros(0)
+    return (
+        ViewFit(
+            name, weight=0.0, rms_px=0.0, iou=float("nan"), contour_px=0.0, outliers=0.0,
+            outlier_px=0.0, noise_px=0.0,
+        ),
+        ContourFit(
+            np.zeros((0, 2)), np.zeros((0, 2)), none, none, none, np.zeros((0, 6)),
+            np.zeros(0, np.int32),
+        ),
+    )  # fmt: skip

@@ -192,12 +192,21 @@ class ClassicalSegmenter:
         return tuple(masks_at(self.backgrounds(T_mount_cam), T_mount_cam, self.ids))
 
     def solve(self, T_mount_cam: F64, masks: Sequence[ViewMask]) -> PoseEstimate:
-        """The pose that explains the masks."""
+        """The pose that explains the masks.
+
+        Raises:
+            CalibrationError: No view has one.
+        """
         seen = [
             Observation(q, m.mask, m.ignore, id=m.view_id)
             for q, m in zip(self.scene.joints, masks, strict=True)
             if m.mask is not None
         ]
+        if not seen:
+            raise CalibrationError(
+                "No image shows the arm where the camera pose that explains the motion best puts "
+                "it. Check that joints and images belong together, and the URDF."
+            )
         estimate = solve_pose(
             self.rig, self.camera, seen, T_mount_cam, SolveConfig(start_error_px=6.0)
         )

@@ -24,6 +24,14 @@ _PULL = 3.0
 """Log-odds of clear evidence; against the rendered mask's half per pixel of distance."""
 
 _PRIOR_PER_PX = 0.5
+
+NO_ARM = "The picture does not tell the arm from the background where the pose puts it."
+_APART_PX = 2.0
+_LEAST_CONTRAST = 0.3
+"""By how much the evidence, -1 to 1, must be higher inside of the predicted outline than outside.
+Pictures in which the arm can be seen have 0.5 to 1.1, black or shifted ones, and those of other
+joints, up to 0.15."""
+
 _NEIGHBOURHOOD = ellipse(11)
 
 
@@ -33,7 +41,8 @@ def masks_at(backgrounds: Backgrounds, T_mount_cam: F64, ids: Sequence[str]) -> 
     Near the predicted contour a pixel belongs to the arm when it differs from the background there
     by more than half of what its surroundings do, weighed against its distance to the predicted
     contour. Where no view shows the background, the prediction is filled in and marked as saying
-    nothing.
+    nothing. A view whose picture does not tell inside from outside gets no mask: it would be the
+    prediction again, which agrees with itself.
 
     Args:
         backgrounds: The pictures and what is behind the arm.
@@ -53,9 +62,12 @@ def masks_at(backgrounds: Backgrounds, T_mount_cam: F64, ids: Sequence[str]) -> 
         evidence = contrast(distance, _NEIGHBOURHOOD, floor)
         band = contour_band(cover, _BAND_PX) > 0
         unknown = band & np.isnan(evidence)
-        logit = _PULL * np.nan_to_num(evidence) + _PRIOR_PER_PX * signed_distance(cover)
-        mask = cover > 0.5
+        depth = signed_distance(cover)
         decided = band & ~unknown
+        if not _shows_the_arm(evidence[decided], depth[decided]):
+            return ViewMask(ids[view], None, score=0.0, notes=(NO_ARM,))
+        logit = _PULL * np.nan_to_num(evidence) + _PRIOR_PER_PX * depth
+        mask = cover > 0.5
         mask[decided] = logit[decided] > 0.0
         mask = cv2.medianBlur(mask.astype(np.uint8), 5) > 0
         agree = (mask == (cover > 0.5)) & decided
@@ -67,3 +79,16 @@ def masks_at(backgrounds: Backgrounds, T_mount_cam: F64, ids: Sequence[str]) -> 
         return ViewMask(ids[view], mask, unknown, score, notes)
 
     return parallel_map(one, range(len(scene)))
+
+
+def _shows_the_arm(evidence: F32, depth: F32) -> bool:
+    """Whether the evidence is higher inside of the predicted outline than outside.
+
+    Args:
+        evidence: ``(N,)`` of pixels near the outline.
+        depth: ``(N,)`` how far inside of it they lie, pixels.
+    """
+    inside, outside = evidence[depth > _APART_PX], evidence[depth < -_APART_PX]
+    if len(inside) == 0 or len(outside) == 0:
+        return True  # the arm fills the picture or is a line: nothing to compare
+    return float(inside.mean() - outside.mean()) > _LEAST_CONTRAST
