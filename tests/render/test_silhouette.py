@@ -372,12 +372,11 @@ def test_visible_links_depth_and_boxes(camera: Camera) -> None:
         renderer = SilhouetteRenderer(ARM, camera)
         links, depth = reference_visible_links(ARM, camera, Ts)
         found, found_depth = renderer.visible_links(Ts), renderer.depth(Ts)
-        # Triangles have straight sides here, so a bending lens moves an outline a little.
-        allowed = 0 if not camera.is_distorted else 0.02 * (links >= 0).sum()
-        assert (found != links).sum() <= allowed
+        # Triangles are drawn in short straight pieces: an outline moves by 0.05 px at most, past
+        # the centre of hardly a pixel.
+        assert (found != links).sum() <= (2 if camera.is_distorted else 0)
         both = (found == links) & (links >= 0)
-        np.testing.assert_allclose(found_depth[both], depth[both], atol=0.02)
-        assert np.median(np.abs(found_depth[both] - depth[both])) < 1e-3
+        np.testing.assert_allclose(found_depth[both], depth[both], rtol=5e-3)
         np.testing.assert_array_equal(np.isfinite(found_depth), found >= 0)
         for link, limits in enumerate(renderer.boxes(Ts)):
             rows, columns = np.nonzero(found == link)
@@ -386,6 +385,54 @@ def test_visible_links_depth_and_boxes(camera: Camera) -> None:
                 np.testing.assert_array_equal(limits, expected)
             else:
                 assert np.isnan(limits).all()
+
+
+LONG = box(0.6, 0.25, 0.25)
+CLOSE = at(0.02, 0.05, 0.34, (0.2, 0.3, 0.1))
+"""A box of few long edges that reaches close to the camera and out of the picture."""
+LENSES = {
+    "plumb_bob": Camera(
+        320, 180, 160.0, 160.0, 159.5, 89.5, "plumb_bob", (-0.25, 0.06, 0.001, -0.001, 0.0)
+    ),
+    "fisheye": Camera(320, 180, 110.0, 110.0, 159.5, 89.5, "equidistant", (0.0, 0.0, 0.0, 0.0)),
+}
+close_up = pytest.mark.parametrize("camera", LENSES.values(), ids=LENSES.keys())
+
+
+@close_up
+def test_links_and_boxes_of_large_triangles_agree_with_the_reference(camera: Camera) -> None:
+    renderer = SilhouetteRenderer([LONG], camera)
+    links, depth = reference_visible_links([LONG], camera, CLOSE[None])
+    found, found_depth = renderer.visible_links(CLOSE[None]), renderer.depth(CLOSE[None])
+    assert (links >= 0).mean() > 0.2
+    wrong = found != links
+    assert wrong.sum() <= 0.001 * (links >= 0).sum()
+    # What differs lies on the outline: no cracks between the pieces.
+    coverage = renderer.coverage(CLOSE[None])
+    assert ((coverage[wrong] > 0.05) & (coverage[wrong] < 0.95)).all()
+    both = (found >= 0) & (links >= 0)
+    np.testing.assert_allclose(found_depth[both], depth[both], rtol=5e-3)
+    rows, columns = np.nonzero(coverage > 0.5)
+    limits = columns.min(), rows.min(), columns.max(), rows.max()
+    np.testing.assert_allclose(renderer.boxes(CLOSE[None])[0], limits, atol=1)
+
+
+@close_up
+@pytest.mark.parametrize("scale", [1, 4, 12])
+def test_no_piece_of_an_edge_bends_at_any_resolution(camera: Camera, scale: int) -> None:
+    camera = camera.scaled(scale)
+    seg = SilhouetteRenderer([LONG], camera)._project(CLOSE[None])
+    ends, segments = seg.ends[: seg.count], seg.segments[: seg.count]
+    share = np.linspace(0.0, 1.0, 21)[:, None, None]
+    pixels = camera.project(ends[:, :3] + share * (ends[:, 3:] - ends[:, :3]))
+    size = camera.width, camera.height
+    inside = ((pixels > -1) & (pixels < size)).all(axis=-1)
+    along = segments[:, 2:] - segments[:, :2]
+    length = np.linalg.norm(along, axis=1)
+    offset = pixels - segments[:, :2]
+    bend = np.abs(along[:, 0] * offset[..., 1] - along[:, 1] * offset[..., 0]) / length
+    assert inside.sum() > 1000
+    assert bend[inside].max() < 0.015  # at the shortest of focal lengths
 
 
 def test_a_hidden_link_has_no_box() -> None:

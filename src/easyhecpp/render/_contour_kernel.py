@@ -25,7 +25,7 @@ NEAR = 1e-3
 """Near plane, metres in front of the camera."""
 
 PIECE_PX = 4.0
-"""Longest straight piece of an edge under lens distortion; bends by less than 0.01 px."""
+"""Straight piece of an edge under lens distortion, about; bends by 0.01 px or less."""
 
 
 @jit
@@ -63,18 +63,19 @@ def _emit(
     u0, v0 = to_pixel(ax, ay, az, fc, model, k, valid_radius)
     u1, v1 = to_pixel(bx, by, bz, fc, model, k, valid_radius)
     pieces = 1
-    if model != 0:
-        pieces = min(64, 1 + int(np.sqrt((u1 - u0) ** 2 + (v1 - v0) ** 2) / PIECE_PX))
     ua, va = u0, v0
     xa, ya, za = ax, ay, az
-    # Pieces of equal viewing angle: of equal length, all but a few of an edge that reaches close to
-    # the camera's plane would lie outside of the picture.
     da, db, angle = 0.0, 0.0, 0.0
-    if pieces > 1:
+    length = np.sqrt((u1 - u0) ** 2 + (v1 - v0) ** 2)
+    if model != 0 and length > PIECE_PX:
+        # Pieces of equal viewing angle: of equal length, all but a few of an edge that reaches
+        # close to the camera's plane would lie outside of the picture. For the same reason the
+        # angle limits their number; a radian is two focal lengths where a picture is 90 deg wide.
         da = np.sqrt(ax * ax + ay * ay + az * az)
         db = np.sqrt(bx * bx + by * by + bz * bz)
         cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         angle = np.arctan2(np.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+        pieces = 1 + int(min(length, 2.0 * max(fc[0], fc[1]) * angle) / PIECE_PX)
     for i in range(1, pieces + 1):
         if i == pieces:
             xb, yb, zb = bx, by, bz

@@ -83,8 +83,9 @@ class SilhouetteRenderer:
 
     Args:
         meshes: One mesh per link, in the link's frame.
-        camera: Camera with distortion; contour edges are cut into pieces of at most 4 px before
-            they are distorted, so that lens distortion is honoured to 0.01 px.
+        camera: Camera with distortion; contour edges are cut into pieces of about 4 px before they
+            are distorted, so that it is honoured to about 0.01 px. Links, boxes and depth, which
+            are drawn as triangles, honour it to about 0.05 px.
 
     All poses are ``Ts_cam_link`` ``(L, 4, 4)``, metres. The object may be used from several
     threads at once.
