@@ -216,3 +216,13 @@ def test_given_masks_work_without_any_picture(masked: Folder, run: Run) -> None:
     assert ran.code == 0
     assert ran.off_m < 0.004
     assert all(view.weight > 0.0 for view in ran.result.views)
+
+
+def test_masks_with_black_and_white_exchanged_are_told_as_such(masked: Folder, run: Run) -> None:
+    for path in (masked.root / "masks").iterdir():
+        mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        assert cv2.imwrite(str(path), np.where(mask > 127, 0, 255).astype(np.uint8))
+    ran = run("calibrate", masked)
+    assert ran.code == 3
+    assert f"{N_VIEWS} of {N_VIEWS} masks cover most of the picture and of its edge" in ran.said
+    assert "Make the arm white and the background black." in ran.said

@@ -6,7 +6,7 @@ from scenes_small import photographed
 
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, perturb_about, pose_error, transform_points
-from easyhecpp.segment.classical.change import change_maps
+from easyhecpp.segment.classical.change import change_maps, pairs_to_compare
 from easyhecpp.segment.classical.climb import climb
 from easyhecpp.segment.classical.lines import line_posteriors
 from easyhecpp.segment.classical.plate import PlateConfig, plate_distance, plate_maker
@@ -21,6 +21,8 @@ from easyhecpp.segment.classical.search import (
 )
 from easyhecpp.segment.pictures import Pictures, equalised, load_pictures
 from easyhecpp.segment.scene import Scene
+
+ONE_PAIR = np.array([[0, 1]], np.int32)
 
 
 def test_exposure_and_white_balance_are_recovered_though_half_of_the_pictures_change():
@@ -41,7 +43,7 @@ def test_the_edge_of_a_change_lies_at_half_height_however_strong_it_is():
     for height in (15.0, 60.0):
         lab = np.full((2, 60, 80, 3), 40.0, np.float32)
         lab[1, :, 40:, 0] += height
-        maps = change_maps(Pictures(lab, 0.6, 4)).maps[0]
+        maps = change_maps(Pictures(lab, 0.6, 4), ONE_PAIR).maps[0]
         assert (maps[30, 42:70] > 0).all()
         assert (maps[30, 10:38] < 0).all()
         crossing = np.flatnonzero(np.diff(np.sign(maps[30])))
@@ -103,6 +105,23 @@ def test_pairs_use_every_view_and_prefer_change():
     assert set(pairs[chosen].ravel()) == set(range(6))
 
 
+def test_few_views_are_all_compared_and_many_each_with_some():
+    rng = np.random.default_rng(0)
+    for n in (3, 12):
+        motion = rng.uniform(size=(n, n))
+        i, j = np.triu_indices(n, k=1)
+        np.testing.assert_array_equal(pairs_to_compare(motion + motion.T), np.column_stack([i, j]))
+    where = rng.uniform(size=(60, 2))
+    motion = np.linalg.norm(where[:, None] - where[None], axis=-1)
+    pairs = pairs_to_compare(motion)
+    assert len(pairs) == 66 + 3 * 48
+    assert len(np.unique(pairs, axis=0)) == len(pairs)
+    assert (pairs[:, 0] < pairs[:, 1]).all()
+    assert set(pairs.ravel()) == set(range(60))
+    i, j = np.triu_indices(60, k=1)
+    assert motion[pairs[:, 0], pairs[:, 1]].mean() > 1.2 * motion[i, j].mean()
+
+
 def test_distinct_keeps_the_best_of_each_group():
     T = np.eye(4)
     near, far = T.copy(), T.copy()
@@ -124,7 +143,9 @@ def test_seeds_look_at_the_arm_from_all_sides_and_from_below():
 
 def test_a_seed_is_turned_to_where_the_change_is():
     case, scene = photographed(2), _scene()
-    changes = change_maps(load_pictures(case.images, case.camera, 4))
+    changes = change_maps(
+        load_pictures(case.images, case.camera, 4), pairs_to_compare(scene.motion)
+    )
     T_cam_mount = inverse(case.T_mount_cam)
     turn = perturb_about(T_cam_mount, np.zeros(3), np.array([0, 0, 0, 0.06, -0.05, 0.0]))
     best = search(scene, changes, inverse(turn)[None], max_pairs=8, keep=1)[0]
@@ -136,7 +157,9 @@ def test_a_seed_is_turned_to_where_the_change_is():
 
 def test_a_seed_climbs_to_the_truth():
     case, scene = photographed(2), _scene()
-    changes = change_maps(load_pictures(case.images, case.camera, 4))
+    changes = change_maps(
+        load_pictures(case.images, case.camera, 4), pairs_to_compare(scene.motion)
+    )
     T_cam_mount = inverse(case.T_mount_cam)
     centre = scene.centre_cam(T_cam_mount)
     off = np.array([0.06, -0.05, 0.1, 0.12, -0.1, 0.1]) * np.array([*[centre[2]] * 3, 1, 1, 1])
@@ -157,7 +180,7 @@ def test_a_shadow_is_no_change_beside_the_arm():
     wall[0] *= 1.0 - 0.12 * np.exp(-((x - 60.0) ** 2 + (y - 30.0) ** 2) / 150.0)[..., None]
     images = [np.clip(w, 0, 255).astype(np.uint8) for w in wall]
     camera = Camera(80, 60, 80.0, 80.0, 39.5, 29.5)
-    change = change_maps(load_pictures(images, camera, 1)).maps[0]
+    change = change_maps(load_pictures(images, camera, 1), ONE_PAIR).maps[0]
     assert change[22:38, 12:28].mean() > 0.5
     assert change[20:40, 50:70].mean() < -0.3
 

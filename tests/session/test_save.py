@@ -106,7 +106,7 @@ def test_masks_of_other_views_stay(found: Calibration, tmp_path: Path) -> None:
     written = save_masks(found, tmp_path)
     assert written == [tmp_path / "masks" / f"{i:04d}.png" for i in range(4)]
     masks = {f"masks/{i:04d}.png" for i in (0, 1, 2, 3, 9)}
-    assert set(contents(tmp_path)) == masks | OVERLAYS
+    assert set(contents(tmp_path)) == masks | OVERLAYS | {"masks.html"}
 
 
 def test_other_people_may_read_what_was_written(found: Calibration, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ FLAGS = {
     "mask": "its mask disagrees with the other views",
     "camera-moved": "the camera seems to have moved before it was taken",
     "hidden": "most of the arm is hidden or out of the picture",
+    "unusable-image": "its picture is black, of one colour, or that of another view",
     "few-contour": "too little of the arm's outline is visible to say much",
 }
 """What the flags of one word mean; other flags are sentences already."""

@@ -39,6 +39,8 @@ class Scene:
         middles = np.stack([m.centroid for m in meshes])
         areas = np.array([m.area for m in meshes])
         posed = transform_points(self.Ts_mount_link, middles[None, :, None])[:, :, 0]
+        self._shares = areas / areas.sum()
+        self._middles = posed
         self.centre_mount: F64 = (areas[:, None] * posed).sum(axis=1).mean(axis=0) / areas.sum()
         self._renderers: dict[tuple[int, bool], SilhouetteRenderer] = {}
 
@@ -54,6 +56,12 @@ class Scene:
             points = transform_points(self.Ts_mount_link[:, link], some[None])
             distances.append(np.linalg.norm(points - self.centre_mount, axis=-1).ravel())
         return float(np.quantile(np.concatenate(distances), 0.95))
+
+    @cached_property
+    def motion(self) -> F64:
+        """How far the links' middles lie apart in two views, by area, ``(V, V)`` metres."""
+        apart = self._middles[:, None] - self._middles[None]
+        return np.linalg.norm(apart, axis=-1) @ self._shares
 
     def centre_cam(self, T_cam_mount: F64) -> F64:
         """The middle of the arm over all views, camera frame, ``(3,)`` metres."""

@@ -21,7 +21,13 @@ from easyhecpp.session.from_images import (
 )
 from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.mask_notes import mask_results, short_mask_notes
-from easyhecpp.session.masks import GIVEN, ChosenSource, PretrainedConfig, choose_source
+from easyhecpp.session.masks import (
+    GIVEN,
+    ChosenSource,
+    PretrainedConfig,
+    choose_source,
+    inverted,
+)
 from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
 from easyhecpp.session.refinement import refine
 from easyhecpp.session.screening import Screening, restored, screen_for_edges, screen_for_masks
@@ -172,11 +178,12 @@ def calibrate(
 def _screening(
     capture: Capture, chosen: ChosenSource, config: CalibrationConfig, stages: Stages
 ) -> Screening:
-    """What the pictures are fit for; nothing is said where none is used."""
-    if chosen.name == GIVEN and not config.edges:
-        return Screening()
+    """What the pictures, and given masks, are fit for; nothing is said of what is not used."""
     with stages.stage("screening", "looking at the pictures"):
-        return screen_for_edges(capture) if chosen.name == GIVEN else screen_for_masks(capture)
+        if chosen.name != GIVEN:
+            return screen_for_masks(capture)
+        found = screen_for_edges(capture) if config.edges else Screening()
+        return replace(found, notes=(*inverted(capture), *found.notes))
 
 
 def _view_results(outcome: Outcome) -> list[ViewResult]:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from easyhecpp._optional import available
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
@@ -64,6 +67,9 @@ class PretrainedConfig:
         return Runtime(self.device, self.precision)
 
 
+_MOST_OF_EDGE = 0.7
+
+
 class GivenMasks:
     """A ``MaskSource``: the masks that lie in the capture."""
 
@@ -88,6 +94,27 @@ class GivenMasks:
                 for view in capture.views
             )
         )
+
+
+def inverted(capture: Capture) -> tuple[str, ...]:
+    """A sentence where most of a capture's masks look as if black and white were exchanged.
+
+    An arm reaches into the picture from somewhere; what lies along most of the picture's edge, and
+    over more than half of it, is the background.
+    """
+    masks = [mask for view in capture.views if (mask := view.mask) is not None]
+    suspect = sum(_is_background(mask) for mask in masks)
+    if 2 * suspect <= len(masks):
+        return ()
+    return (
+        f"{suspect} of {len(masks)} masks cover most of the picture and of its edge, as if black "
+        "and white were exchanged. Make the arm white and the background black.",
+    )
+
+
+def _is_background(mask: NDArray[np.bool_]) -> bool:
+    edge = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
+    return float(edge.mean()) > _MOST_OF_EDGE and float(mask.mean()) > 0.5
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.rig import Rig
 from easyhecpp.segment.backgrounds import Backgrounds
-from easyhecpp.segment.classical.change import ChangeMaps, change_maps
+from easyhecpp.segment.classical.change import ChangeMaps, change_maps, pairs_to_compare
 from easyhecpp.segment.classical.first_pose import FINAL_TOLERANCE, FirstPoseConfig, first_pose
 from easyhecpp.segment.classical.masks import masks_at
 from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
@@ -134,7 +134,8 @@ class ClassicalSegmenter:
         self.scene = Scene(rig, camera, joints)
         reduction = max(1, round(camera.width / _REGION_WIDTH))
         self.pictures: Pictures = load_pictures(images, camera, reduction)
-        self.changes: ChangeMaps = change_maps(self.pictures.reduced(2))
+        pairs = pairs_to_compare(self.scene.motion)
+        self.changes: ChangeMaps = change_maps(self.pictures.reduced(2), pairs)
         self._backgrounds: Backgrounds | None = None
 
     def first_pose(self) -> list[Scored]:

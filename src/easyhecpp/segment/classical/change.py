@@ -13,6 +13,7 @@ from easyhecpp._parallel import parallel_map
 from easyhecpp.segment.pictures import Pictures
 
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 
 BLUR_PX = 0.8
 NEIGHBOURHOOD_PX = 7
@@ -26,6 +27,8 @@ _STRONG_PERCENT, _SHARE_OF_STRONG = 90.0, 0.15
 the noise: an arm's shadow, and the light that it throws back, change a table over large areas, but
 by less than the arm itself."""
 
+_MOST_PAIRED, _OTHERS = 12, 3
+
 
 @dataclass(frozen=True)
 class ChangeMaps:
@@ -34,47 +37,67 @@ class ChangeMaps:
     Attributes:
         pairs: ``(P, 2)`` view indices, first < second.
         maps: ``(P, H, W)`` float32 in [-1, 1]: positive where the views differ.
-        index: ``(V, V)`` index of a pair, -1 on the diagonal.
         reduction: Size reduction against the camera.
     """
 
     pairs: NDArray[np.int32]
     maps: F32
-    index: NDArray[np.int32]
     reduction: int
-
-    @property
-    def n_views(self) -> int:
-        """Number of views."""
-        return len(self.index)
 
     def reduced(self, factor: int) -> ChangeMaps:
         """The same evidence at a size ``factor`` times smaller."""
         height, width = self.maps.shape[1:]
         size = (max(1, round(width / factor)), max(1, round(height / factor)))
         maps = parallel_map(lambda m: cv2.resize(m, size, interpolation=cv2.INTER_AREA), self.maps)
-        return ChangeMaps(
-            self.pairs, np.stack(maps).astype(np.float32), self.index, self.reduction * factor
-        )
+        return ChangeMaps(self.pairs, np.stack(maps).astype(np.float32), self.reduction * factor)
 
 
-def change_maps(pictures: Pictures) -> ChangeMaps:
-    """Compare all pairs of views.
+def pairs_to_compare(motion: F64) -> NDArray[np.int32]:
+    """Pairs of views ``(P, 2)``, first < second: all of them, or so many as add something.
+
+    With more than 12 views, all pairs of the 12 that differ most in posture, and each other view
+    with the three of these that it differs most from: evidence grows with the number of views, not
+    with its square.
+
+    Args:
+        motion: ``(V, V)`` how far the arm moves between two views, in any unit.
+    """
+    n = len(motion)
+    core = _far_apart(motion, _MOST_PAIRED)
+    i, j = np.triu_indices(len(core), k=1)
+    pairs = [np.column_stack([core[i], core[j]])]
+    for view in np.setdiff1d(np.arange(n), core):
+        others = core[np.argsort(-motion[view, core], kind="stable")[:_OTHERS]]
+        pairs.append(np.column_stack([np.full(len(others), view), others]))
+    found = np.sort(np.concatenate(pairs), axis=1)
+    return found[np.lexsort((found[:, 1], found[:, 0]))].astype(np.int32)
+
+
+def _far_apart(motion: F64, count: int) -> NDArray[np.intp]:
+    """Views that differ from each other, each the farthest from those before it; sorted."""
+    n = len(motion)
+    if n <= count:
+        return np.arange(n)
+    chosen = [int(np.argmax(motion.sum(axis=1)))]
+    while len(chosen) < count:
+        nearest = motion[chosen].min(axis=0)
+        nearest[chosen] = -1.0
+        chosen.append(int(np.argmax(nearest)))
+    return np.sort(np.array(chosen, np.intp))
+
+
+def change_maps(pictures: Pictures, pairs: NDArray[np.int32]) -> ChangeMaps:
+    """Compare pairs of views.
 
     The difference of blurred pictures is held against half of its own maximum nearby: an edge then
     is where the difference crosses half of its height, however strong it is. A threshold from the
     noise alone would count the blur's tails and make everything too large, and shadows as well.
     """
-    n = len(pictures)
     blurred = np.stack(parallel_map(lambda i: cv2.GaussianBlur(i, (0, 0), BLUR_PX), pictures.lab))
-    i, j = np.triu_indices(n, k=1)
-    pairs = np.column_stack([i, j]).astype(np.int32)
     sizes = parallel_map(lambda pair: _difference(blurred[pair[0]], blurred[pair[1]]), pairs)
     floor = _least_change(sizes, NOISE_FACTOR * pictures.noise * np.sqrt(2.0))
-    index = np.full((n, n), -1, np.int32)
-    index[i, j] = index[j, i] = np.arange(len(pairs))
     maps = parallel_map(lambda size: _evidence(size, floor), sizes)
-    return ChangeMaps(pairs, np.stack(maps), index, pictures.reduction)
+    return ChangeMaps(pairs, np.stack(maps), pictures.reduction)
 
 
 def _difference(a: F32, b: F32) -> F32:

@@ -27,10 +27,9 @@ _PRIOR_PER_PX = 0.5
 
 NO_ARM = "The picture does not tell the arm from the background where the pose puts it."
 _APART_PX = 2.0
-_LEAST_CONTRAST = 0.3
+_LEAST_CONTRAST = 0.2
 """By how much the evidence, -1 to 1, must be higher inside of the predicted outline than outside.
-Pictures in which the arm can be seen have 0.5 to 1.1, black or shifted ones, and those of other
-joints, up to 0.15."""
+Pictures in which the arm can be seen have 0.4 to 1.1, black or shifted ones up to 0.15."""
 
 _NEIGHBOURHOOD = ellipse(11)
 
