@@ -109,7 +109,7 @@ def test_the_worst_notes_are_shown_and_the_others_counted():
         "view b: No mask here.",
         "view c: Bad.",
         "view d: Meh.",
-        "and 3 more on the masks; the page lists them by view",
+        "and 3 more on the masks, listed by view on the written page",
     )
     assert short_mask_notes(masks_with_notes(("e", 1.0, ())), ()) == ()
 
