@@ -29,6 +29,10 @@ MOST_IOU_GIVEN_UP = 0.006
 The given masks are cut 0.1 to 0.9 px too small and err in stretches; a pose that allows for it
 overlaps with them a little less than the best can."""
 
+LEAST_IOU = {"xarm7_realsense": 0.925, "lbr_med7_realsense": 0.912}
+"""What is reached, less a little. The aims are 0.93 and 0.915; no pose near reaches more than 0.930
+and 0.915."""
+
 MOST_MEMORY = 1.5e9
 SUBSETS, SUBSET_SIZE = 20, 5
 SAME_METRES, SAME_DEGREES = 0.020, 2.0
@@ -87,7 +91,7 @@ def test_overlap_with_the_given_masks(ran: Ran) -> None:
     views = problem.gather(here, 1, smoothing_px=0.0, spacing=4.0)
     overlap = float(np.mean([view.iou for view in views]))
     assert overlap >= best - MOST_IOU_GIVEN_UP, f"{overlap:.4f} of at best {best:.4f}"
-    assert best > 0.9
+    assert overlap >= LEAST_IOU[ran.folder.name]
 
 
 def test_peak_memory(ran: Ran) -> None:

@@ -65,7 +65,8 @@ def short_mask_notes(masks: CaptureMasks, quality: Sequence[ViewQuality]) -> tup
         for note, ids in list(views.items())[:_SHOWN]
     ]
     if len(views) > _SHOWN:
-        lines.append(f"and {len(views) - _SHOWN} more on the masks, listed by view on the written page")
+        more = len(views) - _SHOWN
+        lines.append(f"and {more} more on the masks, listed by view on the written page")
     return tuple(lines)
 
 
