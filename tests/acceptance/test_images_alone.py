@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import CAPTURES, SAME_DEGREES, SAME_METRES
 
 from easyhecpp.bench.metrics import chi_square
 from easyhecpp.capture import Capture
@@ -15,13 +16,10 @@ from easyhecpp.session import Calibration, CalibrationConfig, calibrate
 
 pytestmark = pytest.mark.acceptance
 
-CAPTURES = ("xarm7_realsense", "lbr_med7_realsense")
-
 THREE_SIGMA = 20.1
 """Chi-square of six unknowns that as few poses exceed as numbers lie beyond three deviations."""
 
 SUBSETS, SUBSET_SIZE = 3, 6
-SAME_METRES, SAME_DEGREES = 0.020, 2.0
 
 
 @dataclass(frozen=True)

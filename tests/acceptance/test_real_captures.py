@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import CAPTURES, SAME_DEGREES, SAME_METRES
 
 from easyhecpp.capture import Capture
 from easyhecpp.formats.result_file import ResultFile
@@ -20,8 +21,6 @@ from easyhecpp.solve.descend import Level, descend
 from easyhecpp.solve.problem import PoseProblem
 
 pytestmark = pytest.mark.acceptance
-
-CAPTURES = ("xarm7_realsense", "lbr_med7_realsense")
 
 MOST_IOU_GIVEN_UP = 0.006
 """Mean overlap with the given masks that the pose may give up against the pose of best overlap.
@@ -35,7 +34,6 @@ and 0.915."""
 
 MOST_MEMORY = 1.5e9
 SUBSETS, SUBSET_SIZE = 20, 5
-SAME_METRES, SAME_DEGREES = 0.020, 2.0
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
 from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
+from easyhecpp.segment.classical.calibrate import FEWEST_VIEWS
 from easyhecpp.segment.classical.masks import NO_ARM
 from easyhecpp.segment.edges import EdgeRefinement, refine_edges
 from easyhecpp.segment.protocols import CaptureMasks, PoseBelief, ViewMask
@@ -21,9 +22,6 @@ from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings, ViewFinding, solve_consistent
 from easyhecpp.solve.reasons import FEW_CONTOUR
 from easyhecpp.solve.types import ContourFit, ViewFit
-
-FEWEST_VIEWS = 3
-"""With fewer views there is no background to tell the arm from."""
 
 
 def calibrate_classically(

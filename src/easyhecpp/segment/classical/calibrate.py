@@ -30,6 +30,7 @@ F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 FEWEST_VIEWS = 3
+"""With fewer views there is no background to tell the arm from."""
 
 _REGION_WIDTH = 640
 """Width of the pictures that the region stage looks at; the search takes half of it."""
