@@ -17,6 +17,7 @@ from easyhecpp.initialise import InitialPose, SamplingConfig, sample_initial_pos
 from easyhecpp.initialise.seeds import default_seeds, paper_seeds
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
+from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import SimScene
 from easyhecpp.solve import Observation
 
@@ -207,3 +208,31 @@ def test_no_view_shows_the_arm() -> None:
     blank = observe(view, np.zeros_like(view.masks))
     with pytest.raises(InputError, match=r"cannot be seen in any view.*check the masks"):
         sample_initial_pose(Rig(view.robot), view.camera, blank)
+
+
+HARD_SINGLE_VIEWS = {
+    # Eye and target (metres), focal length (px), joints: the seeds nearest to these cameras rank
+    # behind dozens of others.
+    "from above": (
+        (0.746, -0.637, 0.712),
+        (-0.0085, -0.1443, 0.2783),
+        900.0,
+        [-0.9195, 0.7691, -0.1728, 2.7254, -1.6369, 0.5208, 2.592],
+    ),
+    "steeply from above": (
+        (0.462, -0.511, 0.993),
+        (0.0112, -0.0647, 0.22),
+        911.0,
+        [-0.9195, 0.7691, -0.1728, 2.7254, -1.6369, 0.5208, 2.592],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", HARD_SINGLE_VIEWS)
+def test_one_view_whose_nearest_seed_ranks_far_down(case: str) -> None:
+    eye, target, focal, joints = HARD_SINGLE_VIEWS[case]
+    camera = Camera(1280, 720, focal, focal, 645.0, 358.0)
+    view = SimScene(load_robot("xarm7"), camera, look_at(eye, target), np.array([joints]))
+    found = find(view)
+    assert_in_the_basin(found, view)
+    assert "again" in found.timings_s  # else the case is not hard, and the test shows nothing

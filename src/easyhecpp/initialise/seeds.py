@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,10 +59,23 @@ def sphere_seeds(
 
 def default_seeds(centre: ArrayLike, distance: float) -> F64:
     """Seeds all around the arm, from below too, with rolls; coarser in azimuth near the poles."""
+    return _all_around(centre, distance, ELEVATIONS_DEG, 0.0)
+
+
+def seeds_between(centre: ArrayLike, distance: float) -> F64:
+    """Seeds that lie in the gaps of `default_seeds`, in elevation and in azimuth."""
+    gaps = [0.5 * (a + b) for a, b in pairwise(ELEVATIONS_DEG)]
+    return _all_around(centre, distance, gaps, 0.5)
+
+
+def _all_around(
+    centre: ArrayLike, distance: float, elevations_deg: Sequence[float], shift: float
+) -> F64:
+    """Rings of seeds; ``shift`` turns each by a share of its step."""
     parts = []
-    for elevation in ELEVATIONS_DEG:
+    for elevation in elevations_deg:
         n = max(4, round(14 * np.cos(np.deg2rad(elevation))))
-        azimuths = np.arange(n) * 360.0 / n
+        azimuths = (np.arange(n) + shift) * 360.0 / n
         parts.append(sphere_seeds(centre, distance, (elevation,), azimuths.tolist(), ROLLS_DEG))
     return np.concatenate(parts)
 
