@@ -207,7 +207,7 @@ def _chosen(
     if estimate is None:
         return None
     try:
-        known = Knowledge(estimate.T_mount_cam, estimate.covariance, np.array(taken))
+        known = Knowledge.of(estimate, taken)
         return choose_next(stage.rig, stage.camera, known, config, rng, checker=checker).joints
     except InputError:  # no joint pose suits, or the covariance is none; options were checked
         return None

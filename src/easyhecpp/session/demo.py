@@ -13,11 +13,11 @@ from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.explore import (
     CollisionChecker,
     ExploreConfig,
-    Knowledge,
     choose_many,
     first_joint_poses,
 )
 from easyhecpp.session.calibration import Calibration, CalibrationConfig, calibrate
+from easyhecpp.session.next_poses import what_is_known
 from easyhecpp.sim import Cell, CellOptions
 from easyhecpp.sim.possible_poses import PossiblePoses
 
@@ -82,8 +82,7 @@ def demonstrate(
 def _chosen(
     first: Calibration, cell: Cell, checker: CollisionChecker, rng: np.random.Generator
 ) -> tuple[F64, tuple[str, ...]]:
-    joints = np.array([view.joints for view in first.capture.views])
-    known = Knowledge(first.T_mount_cam, first.estimate.covariance, joints)
+    known = what_is_known(first)
     proposals = choose_many(
         cell.rig, cell.camera, known, ExploreConfig(), CHOSEN_VIEWS, rng, checker=checker
     )

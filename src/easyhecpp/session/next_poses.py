@@ -32,7 +32,7 @@ from easyhecpp.planning import best_checker
 from easyhecpp.report.overlay import jpeg
 from easyhecpp.report.predicted import draw_from_four_sides, draw_predicted_view
 from easyhecpp.rig import Rig, rides_on_arm
-from easyhecpp.session.calibration import calibrate
+from easyhecpp.session.calibration import Calibration, calibrate
 from easyhecpp.session.stages import Progress, silent
 
 F64 = NDArray[np.float64]
@@ -168,8 +168,13 @@ def _knowledge(
         return None, (f"The views so far could not be calibrated: {error}",)
     if found.result.verdict == "failed":
         return None, ("The calibration of the views so far failed, so they are not built upon.",)
+    return what_is_known(found), ()
+
+
+def what_is_known(found: Calibration) -> Knowledge:
+    """What a calibration tells of the camera, view by view."""
     joints = {view.id: view.joints for view in found.capture.views}
-    return Knowledge.of(found.estimate, [joints[v.id] for v in found.estimate.views]), ()
+    return Knowledge.of(found.estimate, [joints[v.id] for v in found.estimate.views])
 
 
 def _has_joints(contents: FolderContents) -> bool:

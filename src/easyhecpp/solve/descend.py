@@ -53,8 +53,9 @@ class Descent:
     """Where a level ended.
 
     Attributes:
-        T_cam_mount: The last accepted pose. The paper's loss decides what is accepted: it needs
-            neither robust weights nor a contour to be comparable from pose to pose.
+        T_cam_mount: The pose where the steps came to rest, else the best pose seen. The paper's
+            loss decides what is accepted and what is best: it needs neither robust weights nor a
+            contour to be comparable from pose to pose.
         loss: The loss there, full-size pixels.
         mean_iou: Mean over the views of the intersection over union.
         settled: False when the step limit ended it.
@@ -96,7 +97,7 @@ def descend(
 
     T = T_cam_mount
     seen, loss = look(T)
-    best = loss
+    best = Descent(T, loss, _mean_iou(seen), False)
     damping = 1e-6
     for _ in range(max_iterations):
         H, g, n = _normal_equations(problem, seen, level)
@@ -107,17 +108,18 @@ def descend(
         settled = step_px(seen, step) < _SETTLED_PX * level.reduction
         T_next = perturb_about(T, problem.centre_cam(T), step)
         seen_next, loss_next = look(T_next)
-        if loss_next > _SLACK * best:
+        if loss_next > _SLACK * best.loss:
             if settled:
                 return Descent(T, loss, _mean_iou(seen), True)
             damping = max(10.0 * damping, 1e-2)
             continue
         T, seen, loss = T_next, seen_next, loss_next
-        best = min(best, loss)
+        if loss < best.loss:
+            best = Descent(T, loss, _mean_iou(seen), False)
         damping = max(damping * 0.1, 1e-6)
         if settled:
             return Descent(T, loss, _mean_iou(seen), True)
-    return Descent(T, loss, _mean_iou(seen), False)
+    return best
 
 
 def _mean_iou(seen: Sequence[Evidence]) -> float:

@@ -52,7 +52,7 @@ def solve_pose(
         config: Settings.
 
     Returns:
-        The best pose seen, its covariance and how each view agrees with it.
+        The pose of the last stage, its covariance and how each view agrees with it.
 
     Raises:
         InputError: No view, sizes that do not fit, or a start that is no transform.
