@@ -1,7 +1,8 @@
 """Times the parts of a calibration and writes tables with the machine they were made on.
 
     python benchmarks/run.py                 all of it, some minutes
-    python benchmarks/run.py rasterising     one part: rasterising, calibrating, exploring, command
+    python benchmarks/run.py rasterising     one part: rasterising, calibrating, exploring,
+                                             photographing, command
     python benchmarks/run.py --quick         a look, not a measurement
 
 Every part writes ``benchmarks/results/<part>.md`` and ``.json``. Nothing is asserted: seconds
@@ -18,6 +19,7 @@ from pathlib import Path
 import calibrating
 import command
 import exploring
+import photographing
 import rasterising
 
 from easyhecpp._atomic import write_text
@@ -34,6 +36,7 @@ def main() -> None:
         "rasterising": lambda quick: rasterising.run(SEED, 0.2 if quick else 3.0),
         "calibrating": lambda quick: calibrating.run(SEED, 0.1 if quick else 20.0),
         "exploring": lambda quick: exploring.run(SEED, 0.1 if quick else 10.0),
+        "photographing": lambda quick: photographing.run(SEED, 0.1 if quick else 20.0),
         "command": lambda quick: command.run(1 if quick else 5),
     }
     parser.add_argument("parts", nargs="*", help=f"some of: {', '.join(parts)}; default all")
