@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from easyhecpp.solve.joint_noise import JointNoise
+from easyhecpp.solve.joint_noise import UNDERSTATED, JointNoise
 
 N_JOINTS, N_POINTS = 5, 200
 PRIOR = np.diag([0.0] * 6 + [4.0])
@@ -86,7 +86,7 @@ def test_pulls_are_the_spread_of_what_the_views_say() -> None:
     """The vectors' covariance over many draws of joint errors, noise along the contour left out."""
     _, _, information, _ = system(2e-3, 3)
     rng = np.random.default_rng(1)
-    errors = 2e-3 * rng.normal(size=(20000, 3, N_JOINTS))
+    errors = np.sqrt(UNDERSTATED) * 2e-3 * rng.normal(size=(20000, 3, N_JOINTS))
     sums = np.einsum("vij,dvj->di", information[:, :7, 7:], errors)
     expected = JointNoise(4e-6).pulls(information)
     scale = np.sqrt(np.diag(expected))

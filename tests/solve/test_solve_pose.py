@@ -79,6 +79,24 @@ def test_wandering_masks_give_a_pose_within_its_own_uncertainty() -> None:
     assert np.median(chi_squares) < 14.0
 
 
+def test_error_bars_hold_the_truth_when_joints_are_off() -> None:
+    """Errors of 5 mrad, fresh for every joint in every view."""
+    chi_squares = []
+    for seed in range(12):
+        view = scene(seed)
+        errors = 5e-3 * np.random.default_rng(seed).normal(size=view.joints.shape)
+        seen = [
+            replace(o, joints=o.joints + e)
+            for o, e in zip(observe(view, noisy(view)), errors, strict=True)
+        ]
+        estimate = solve(view, seen)
+        delta = log_se3(inverse(estimate.T_mount_cam) @ view.T_base_cam)
+        chi_squares.append(delta @ np.linalg.solve(estimate.covariance, delta))
+    # 5.35 is the median of chi-square with six degrees of freedom, 12.6 its 95th percentile.
+    assert np.median(chi_squares) < 6.5
+    assert np.mean(np.array(chi_squares) < 12.6) > 0.8
+
+
 def test_bent_lens() -> None:
     view = scene(0)
     lens = replace(
