@@ -100,6 +100,20 @@ def test_distorted_projection_jacobian_matches_finite_differences(lens):
     check_jacobian(lens, np.concatenate([points_in_view(50), [[0.0, 0.0, 1.3]]]))
 
 
+def test_jacobian_by_k_matches_finite_differences(lens):
+    px = lens.project(points_in_view(50))
+    rays, step = lens.unproject(px), 1e-6
+    for index in range(2):
+        ahead, behind = list(lens.distortion), list(lens.distortion)
+        ahead[index] += step
+        behind[index] -= step
+        moved = [replace(lens, distortion=tuple(k)).project(rays) for k in (ahead, behind)]
+        numeric = (moved[0] - moved[1]) / (2.0 * step)
+        np.testing.assert_allclose(
+            lens.jacobian_by_k(px)[..., index], numeric, rtol=1e-5, atol=1e-4
+        )
+
+
 def check_jacobian(camera: Camera, points: np.ndarray) -> None:
     px, J = camera.project_with_jacobian(points)
     np.testing.assert_array_equal(px, camera.project(points))

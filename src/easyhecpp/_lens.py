@@ -79,6 +79,22 @@ class Lens:
         J[..., 1, 1] += ratio
         return J
 
+    def jacobian_by_k(self, p: Array) -> Array:
+        """Differentiate `distort` at ``(..., 2)`` by k1 and k2, giving ``(..., 2, 2)``.
+
+        Where the model goes on along its tangent, the derivative of the bare model is given.
+        """
+        r = np.linalg.norm(p, axis=-1)
+        if self.fisheye:
+            angle = np.arctan(r)
+            first = angle**3 / np.maximum(r, _TINY)
+            second = first * angle**2
+        else:
+            q = r**2
+            first = q / self._fraction[1](q)
+            second = first * q
+        return p[..., :, None] * np.stack([first, second], axis=-1)[..., None, :]
+
     def undistort(self, d: Array) -> Array:
         """Invert `distort`: ``(..., 2)`` to ``(..., 2)``, NaN where no point maps there."""
         radius_d = np.linalg.norm(d, axis=-1)

@@ -160,6 +160,18 @@ class Camera:
         p = self._lens.undistort(d) if self.is_distorted else d
         return np.concatenate([p, np.where(np.isnan(p[..., :1]), np.nan, 1.0)], axis=-1)
 
+    def jacobian_by_k(self, px: ArrayLike) -> Array:
+        """How the pictures of points move when the distortion's k1 and k2 change.
+
+        Args:
+            px: ``(..., 2)`` pixel coordinates x, y.
+
+        Returns:
+            ``(..., 2, 2)`` pixels per unit of k1 and k2, NaN where no ray ends in that pixel.
+        """
+        J = self._lens.jacobian_by_k(self.unproject(px)[..., :2])
+        return np.array([[self.fx], [self.fy]]) * J
+
     def numba_params(self) -> tuple[Array, int, Array, float]:
         """Return the camera as plain numbers for compiled kernels.
 

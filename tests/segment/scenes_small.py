@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -33,11 +33,15 @@ def photographed(
     width: int = 480,
     height: int = 360,
     exposures: tuple[float, ...] = (1.0,),
+    lens: tuple[float, ...] = (),
 ) -> Photographed:
     truth = scene(seed, n_views=n_views, width=width, height=height)
     rig = Rig(small_arm())
+    camera = truth.camera
+    if lens:
+        camera = replace(camera, distortion_model="plumb_bob", distortion=lens)
     images, masks = photograph(
-        rig, truth.camera, truth.T_base_cam, list(truth.joints), np.random.default_rng(seed),
+        rig, camera, truth.T_base_cam, list(truth.joints), np.random.default_rng(seed),
         Look(exposures=exposures),
     )  # fmt: skip
-    return Photographed(rig, truth.camera, truth.T_base_cam, list(truth.joints), images, masks)
+    return Photographed(rig, camera, truth.T_base_cam, list(truth.joints), images, masks)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from composites import encode
 from scenes_small import photographed
 from scipy.special import ndtr
 
-from easyhecpp.geometry import inverse, perturb_about, pose_error
+from easyhecpp.geometry import inverse, log_se3, perturb_about, pose_error
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR, NONE, find_edges
 from easyhecpp.segment._rim_kernel import BEYOND, STEP, WITHIN
 from easyhecpp.segment.backgrounds import Backgrounds
@@ -154,6 +156,39 @@ def test_the_edge_stage_finds_the_truth_from_a_few_pixels_away():
     assert after[1] < np.deg2rad(0.06)
     assert refined.support.share > 0.8
     assert abs(refined.estimate.dilation_px) < 0.15
+
+
+def test_a_lens_that_nobody_stated_is_found_with_the_pose():
+    case = photographed(1, n_views=8, lens=(0.16, -0.25, 0.0, 0.0, 0.0))
+    unstated = replace(case, camera=replace(case.camera, distortion_model="none", distortion=()))
+    start = _start(unstated, np.zeros(6))
+    scene = Scene(case.rig, unstated.camera, case.joints)
+    refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
+    assert refined.accepted, refined.reason
+    assert refined.lens_sigma is not None
+    off = np.array(refined.camera.distortion[:2]) - case.camera.distortion[:2]
+    assert (np.abs(off) < 3.0 * refined.lens_sigma).all()
+    # What it bends matters, not the numbers: where the arm is, to a fraction of a pixel.
+    points = np.concatenate([c.points for c in refined.estimate.contours])
+    bends = refined.camera.project(case.camera.unproject(points)) - points
+    assert np.quantile(np.linalg.norm(bends, axis=1), 0.9) < 0.4
+    step = log_se3(inverse(refined.estimate.T_mount_cam) @ case.T_mount_cam)
+    assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
+    # Told the right lens, the edges leave it alone.
+    told = Scene(case.rig, case.camera, case.joints)
+    known = refine_edges(Backgrounds(told, case.images, start.T_mount_cam), start)
+    assert known.lens_sigma is None
+    assert known.camera is case.camera
+
+
+def test_a_straight_lens_stays_straight():
+    for seed in (0, 1, 2):
+        case = photographed(seed)
+        start = _start(case, np.zeros(6))
+        scene = Scene(case.rig, case.camera, case.joints)
+        refined = refine_edges(Backgrounds(scene, case.images, case.T_mount_cam), start)
+        assert refined.lens_sigma is None
+        assert refined.camera is case.camera
 
 
 def test_a_pose_that_is_right_stays_right():

@@ -8,10 +8,17 @@ import numpy as np
 import pytest
 
 from easyhecpp import Capture, calibrate
+from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.trust_scenes import build_case
 from easyhecpp.capture import View
 from easyhecpp.errors import InputError
+from easyhecpp.geometry import inverse
+from easyhecpp.render import SilhouetteRenderer
+from easyhecpp.rig import Rig
 from easyhecpp.session import CalibrationConfig
+from easyhecpp.sim.robots import load_robot
+from easyhecpp.sim.scenes import random_scene
+from easyhecpp.solve.lens import bent
 
 OFF = 1.02
 
@@ -48,6 +55,34 @@ def test_the_result_holds_the_refined_camera_and_the_corrections(capture: Captur
     assert known.result.sigma is not None
     assert refined.result.sigma is not None
     assert refined.result.sigma.position_mm > known.result.sigma.position_mm
+
+
+def test_a_lens_that_nobody_stated_is_refined_unasked_and_told() -> None:
+    rng = np.random.default_rng([45, 0])
+    scene = random_scene(load_robot("xarm7"), rng, n_views=6, width=640, height=360, focal=450.0)
+    true = bent(scene.camera, np.array([0.15, -0.25]))
+    renderer = SilhouetteRenderer(scene.robot.meshes, true)
+    T_cam_base = inverse(scene.T_base_cam)
+    views = tuple(
+        View(
+            str(i), q, mask=renderer.coverage(T_cam_base @ Rig(scene.robot).Ts_mount_link(q)) > 0.5
+        )
+        for i, q in enumerate(scene.joints)
+    )
+    capture = Capture("cell", None, "eye-to-hand", scene.robot, scene.camera, views)
+    found = run(capture)
+    assert [p.name for p in found.result.refined] == ["k1", "k2"]
+    assert found.result.camera.distortion[:2] == pytest.approx((0.15, -0.25), abs=0.04)
+    (note,) = [note for note in found.notes if note.startswith("lens:")]
+    assert "camera_info states no distortion" in note
+    assert "px where the arm is seen" in note
+    # Whoever states the lens is told nothing, and gets the same pose with a smaller error bar.
+    told = run(replace(capture, camera=true))
+    assert told.result.refined == ()
+    assert not any(note.startswith("lens:") for note in told.notes)
+    apart = PoseError.between(found.T_mount_cam, told.T_mount_cam)
+    assert apart.position_mm < 3.0 * found.result.sigma.position_mm
+    assert told.result.sigma.position_mm < found.result.sigma.position_mm
 
 
 def test_what_cannot_be_known_is_not_refined_and_said(capture: Capture) -> None:

@@ -70,13 +70,14 @@ def test_words_are_read_with_and_without_a_number():
         "joint2": 0.5,
     }
     assert read_priors(("principal_point=4",), ()) == {"cx": 4.0, "cy": 4.0}
+    assert read_priors(("lens=0.1",), ()) == {"k1": 0.1, "k2": 0.2}
     assert read_priors((), ("joint1",)) == {}
 
 
 @pytest.mark.parametrize(
     ("word", "text"),
     [
-        ("elbow", "'elbow' cannot be refined.*some of focal, principal_point, joint1"),
+        ("elbow", "'elbow' cannot be refined.*some of focal, principal_point, lens, joint1"),
         ("focal=", "'focal=' does not say how far off"),
         ("joint1=-1", "a number above 0"),
         ("joint1=nan", "a number above 0"),

@@ -185,12 +185,15 @@ class RobotBlock(Block):
 
 
 class RefinedParameter(Block):
-    """A parameter that was refined together with the pose, on the user's wish."""
+    """A parameter that was refined together with the pose.
+
+    On the user's wish, or ``k1`` and ``k2`` where the outlines show a lens that nobody stated.
+    """
 
     name: str = Field(min_length=1)
     correction: FiniteFloat
     sigma: NonNegative
-    unit: Literal["relative", "px", "rad or m"]
+    unit: Literal["relative", "px", "1", "rad or m"]
 
 
 class ViewResult(Block):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
+from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse
 from easyhecpp.segment._plate_kernel import background_plate
 from easyhecpp.segment.pictures import equalised, measured_noise
@@ -43,6 +45,12 @@ class Backgrounds:
         self.noise = measured_noise(self.values[:, ::2, ::2])
         self.plates: list[F32] = []
         self.look_behind(T_mount_cam)
+
+    def through(self, camera: Camera) -> Backgrounds:
+        """The same pictures and plates, the arm seen through another lens."""
+        other = copy(self)
+        other.scene = self.scene.through(camera)
+        return other
 
     def look_behind(self, T_mount_cam: F64) -> None:
         """Find the background anew for the contours at another pose."""

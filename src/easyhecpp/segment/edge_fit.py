@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from easyhecpp._parallel import parallel_map
+from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
 from easyhecpp.segment.edge_sources import EdgePoints, Sources
+from easyhecpp.solve.all_unknowns import intrinsic_columns
 from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import NoiseModel, fit_noise
 from easyhecpp.solve.joint_noise import JointNoise
 from easyhecpp.solve.joint_twists import joint_twists
+from easyhecpp.solve.lens import LensStrain, lens_strain
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
 
 F64 = NDArray[np.float64]
@@ -30,6 +33,9 @@ FEWEST = 60
 
 _DILATION_PRIOR_PX = 0.15
 """Edges common to all contours: sharpening halos and the lens' blur, not a segmenter's habits."""
+
+_INTRINSICS = 3
+"""Focal length, ``k1`` and ``k2``: not solved for, but tested for what they would explain."""
 
 _SMALLEST_SCALE_PX = 0.25
 _BLUR_PX = 1.0
@@ -76,16 +82,20 @@ class EdgeFit:
     Attributes:
         T_mount_cam: ``(4, 4)``.
         centre_cam: ``(3,)`` the point that ``delta`` turns about.
+        step: ``(6,)`` the ``delta`` to a better pose, tiny once settled.
         covariance: ``(6, 6)`` of ``delta``.
         information, vectors: ``(V, 7, 7)`` and ``(V, 7)`` of each view on [delta, dilation].
         dilation: Displacement common to all edges, pixels.
         noise: Errors along the contour.
         sources: Errors that links and postures share.
         readings, weights: The edges at the solution and the say that each sample has.
+        lens: What the edges say about the lens.
+        by_lens: ``(6, 2)`` how ``delta`` follows ``k1`` and ``k2``.
     """
 
     T_mount_cam: F64
     centre_cam: F64
+    step: F64
     covariance: F64
     information: F64
     vectors: F64
@@ -94,48 +104,97 @@ class EdgeFit:
     sources: Sources
     readings: list[EdgeReading]
     weights: list[F64]
+    lens: LensStrain
+    by_lens: F64
 
     @classmethod
     def at(
-        cls, reader: EdgeReader, T_mount_cam: F64, reach_px: float, spacing_px: float, trust: F64
+        cls,
+        reader: EdgeReader,
+        T_mount_cam: F64,
+        reach_px: float,
+        spacing_px: float,
+        trust: F64,
+        *,
+        steps: int = 2,
     ) -> EdgeFit | None:
         """Solve from a pose that is all but right; None when too few edges are found."""
+        fit = cls._stated(reader, T_mount_cam, reach_px, spacing_px, trust)
+        for _ in range(steps):
+            if fit is None:
+                break
+            fit = cls._stated(reader, fit._moved(fit.step), reach_px, spacing_px, trust)
+        return fit
+
+    @classmethod
+    def _stated(
+        cls, reader: EdgeReader, T_mount_cam: F64, reach_px: float, spacing_px: float, trust: F64
+    ) -> EdgeFit | None:
+        """What the edges about a pose say of it, and of the step to a better one."""
         scene = reader.scene
         T = inverse(T_mount_cam)
-        for last in (False, False, True):
-            readings = reader.read(inverse(T), reach_px, spacing_px=spacing_px)
-            scale = offset_scale(readings, reach_px)
-            weights = [_edge_weights(r, scale) for r in readings]
-            twists = joint_twists(scene.rig, scene.joints, T, scene.centre_cam(T))
-            points = parallel_map(
-                lambda rwt: EdgePoints.averaged(*rwt),
-                list(zip(readings, weights, twists, strict=True)),
-            )
-            if sum(len(p) for p in points) < FEWEST // 3:
-                return None
-            sources = Sources.fitted(points, trust)
-            left = [sources.removed(p) for p in points]
-            noise = fit_noise(left, trust, _BLUR_PX)
-            whole, sides = _information(points, noise, sources, trust)
-            count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
-            prior = np.zeros((7, 7))
-            prior[6, 6] = 1.0 / _DILATION_PRIOR_PX**2
-            joint_noise = JointNoise().fitted(whole[count], sides[count], prior)
-            information, vectors = whole[:, :7, :7], sides[:, :7]
-            N = information.sum(axis=0) + prior
-            if np.linalg.cond(N) > 1e16:
-                return None
-            solution = np.linalg.solve(N, vectors.sum(axis=0))
-            centre = scene.centre_cam(T)
-            if not last:
-                T = perturb_about(T, centre, solution[:6])
-        spread = between_views(
-            N, N + joint_noise.pulls(whole[count]), information, vectors, solution
+        centre = scene.centre_cam(T)
+        readings = reader.read(T_mount_cam, reach_px, spacing_px=spacing_px)
+        scale = offset_scale(readings, reach_px)
+        weights = [_edge_weights(r, scale) for r in readings]
+        twists = joint_twists(scene.rig, scene.joints, T, centre)
+        points = parallel_map(
+            lambda rwt: EdgePoints.averaged(*rwt),
+            list(zip(readings, weights, twists, strict=True)),
         )
+        if sum(len(p) for p in points) < FEWEST // 3:
+            return None
+        sources = Sources.fitted(points, trust)
+        left = [sources.removed(p) for p in points]
+        noise = fit_noise(left, trust, _BLUR_PX)
+        whole, sides = _information(points, noise, sources, trust, scene.camera)
+        count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
+        prior = np.zeros((7, 7))
+        prior[6, 6] = 1.0 / _DILATION_PRIOR_PX**2
+        posed, posed_sides = whole[:, :-_INTRINSICS, :-_INTRINSICS], sides[:, :-_INTRINSICS]
+        joint_noise = JointNoise().fitted(posed[count], posed_sides[count], prior)
+        information, vectors = whole[:, :7, :7], sides[:, :7]
+        N = information.sum(axis=0) + prior
+        if np.linalg.cond(N) > 1e16:
+            return None
+        solution = np.linalg.solve(N, vectors.sum(axis=0))
+        spread = between_views(
+            N, N + joint_noise.pulls(posed[count]), information, vectors, solution
+        )
+        lens = np.r_[:7, -_INTRINSICS:0, 7 : posed.shape[1]]
+        counted = np.flatnonzero(count)
         return cls(
-            inverse(T), centre, COVARIANCE_INFLATION * spread[:6, :6], information, vectors,
-            float(solution[6]), noise, sources, readings, weights,
-        )  # fmt: skip
+            T_mount_cam=T_mount_cam,
+            centre_cam=centre,
+            step=solution[:6],
+            covariance=COVARIANCE_INFLATION * spread[:6, :6],
+            information=information,
+            vectors=vectors,
+            dilation=float(solution[6]),
+            noise=noise,
+            sources=sources,
+            readings=readings,
+            weights=weights,
+            lens=lens_strain(
+                whole[np.ix_(counted, lens, lens)],
+                sides[np.ix_(counted, lens)],
+                prior,
+                COVARIANCE_INFLATION,
+            ),
+            by_lens=-np.linalg.solve(N, whole[:, :7, -2:].sum(axis=0))[:6],
+        )
+
+    def _moved(self, step: F64) -> F64:
+        return inverse(perturb_about(inverse(self.T_mount_cam), self.centre_cam, step))
+
+    def with_lens(self) -> F64:
+        """``(4, 4)`` pose that goes with the lens that the edges ask for."""
+        return self._moved(self.by_lens @ self.lens.k)
+
+    def with_lens_doubt(self) -> EdgeFit:
+        """The same, the lens having been refined too: what is not known of it widens the bar."""
+        doubt = self.by_lens @ self.lens.covariance @ self.by_lens.T
+        return replace(self, covariance=self.covariance + doubt)
 
     def estimate(self, start: PoseEstimate, ids: Sequence[str], trust: F64) -> PoseEstimate:
         """As the solver states its poses, in the same convention."""
@@ -187,22 +246,26 @@ class EdgeFit:
 
 
 def _information(
-    views: Sequence[EdgePoints], noise: NoiseModel, sources: Sources, trust: F64
+    views: Sequence[EdgePoints], noise: NoiseModel, sources: Sources, trust: F64, camera: Camera
 ) -> tuple[F64, F64]:
-    """Per view information ``(V, 7, 7)`` on [delta, dilation], and vectors ``(V, 7)``."""
+    """Information ``(V, k, k)`` of each view, and vectors ``(V, k)``.
+
+    Of [delta, dilation, joints, focal length, k1, k2].
+    """
     # In every view an edge that never moves is the same measurement again.
     repeats = max(1, sum(t > 0.0 and len(v) > 0 for t, v in zip(trust, views, strict=True)))
 
     def one(index: int) -> tuple[F64, F64]:
         view = views[index]
         if len(view) == 0 or trust[index] <= 0.0:
-            k = 7 + view.joints.shape[1]
+            k = 7 + view.joints.shape[1] + _INTRINSICS
             return np.zeros((k, k)), np.zeros(k)
         p = view.points
         C = noise.covariance(p, index) + sources.covariance(view)
         scale = np.where(view.still, np.sqrt(repeats), 1.0)
         C *= scale[:, None] * scale[None]
-        A = np.column_stack([p.jacobians, np.ones(len(p)), view.joints])
+        focal_and_lens = intrinsic_columns(camera, p.points, p.normals)[:, [0, 3, 4]]
+        A = np.column_stack([p.jacobians, np.ones(len(p)), view.joints, focal_and_lens])
         factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
         return trust[index] * (A.T @ CA[:, :-1]), trust[index] * (A.T @ CA[:, -1])

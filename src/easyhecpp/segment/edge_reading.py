@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
+from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse
 from easyhecpp.render import Contour
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, NONE, find_edges
@@ -88,6 +90,13 @@ class EdgeReader:
         taps = k * np.exp(-0.5 * np.square(k / sigma))
         # Scaled so that a ramp of one unit per pixel gives one.
         self.taps = taps / (np.sum(taps * k) * STEP)
+
+    def through(self, camera: Camera) -> EdgeReader:
+        """The same reader, the arm seen through another lens."""
+        other = copy(self)
+        other.backgrounds = self.backgrounds.through(camera)
+        other.scene = other.backgrounds.scene
+        return other
 
     def measure_blur(self, T_mount_cam: F64) -> None:
         """Take the camera's blur from the steeper half of the edges near a pose.

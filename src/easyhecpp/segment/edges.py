@@ -15,10 +15,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, perturb_about
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_fit import FEWEST, EdgeFit, counts, offset_scale, stacked
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading, EdgeSupport
+from easyhecpp.solve.lens import bent
 from easyhecpp.solve.types import PoseEstimate
 
 F64 = NDArray[np.float64]
@@ -27,6 +29,9 @@ _CELL_PX = 40.0
 """Side of the squares that edges are held out by; farther apart they err all but independently."""
 
 _UNKNOWNS, _MOST_ALLOWED = 7, 0.1
+
+_LENS_STEPS = (0, 2)
+"""Steps of the pose after each of the lens: edges found through a better lens tell more of it."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,8 @@ class EdgeRefinement:
         cost_before, cost_after: Robust cost of the unseen points as measured, 0..1; a fit to half
             of the data that is little worse counts as better, see `UnseenCost`.
         support: How well the images bear out the pose in ``estimate``.
+        camera: Intrinsics that the estimate goes with, the lens refined where the edges ask for it.
+        lens_sigma: ``(2,)`` standard deviations of ``k1`` and ``k2``; None unless refined.
     """
 
     estimate: PoseEstimate
@@ -63,6 +70,8 @@ class EdgeRefinement:
     cost_before: float
     cost_after: float
     support: EdgeSupport
+    camera: Camera
+    lens_sigma: F64 | None = None
     timings_s: dict[str, float] = field(default_factory=dict)
 
 
@@ -101,19 +110,43 @@ def refine_edges(
     if fit is None:
         return EdgeRefinement(
             start, False, "Too few edges of the arm were found in the images.",
-            1.0, 1.0, reader.support(start.T_mount_cam),
+            1.0, 1.0, reader.support(start.T_mount_cam), scene.camera,
         )  # fmt: skip
-    unseen = _held_out(reader, start.T_mount_cam, fit, config, trust)
+    bends, fitted = _with_lens(reader, fit, config, trust)
+    unseen = _held_out(reader, start.T_mount_cam, bends, fitted, config, trust)
     accepted = unseen.better
     names = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(scene)))
-    estimate = fit.estimate(start, names, trust) if accepted else start
+    estimate = fitted.estimate(start, names, trust) if accepted else start
+    taken = bends if accepted else reader
     took = {"edges": time.perf_counter() - clock}
     if accepted:
         estimate = replace(estimate, timings_s={**start.timings_s, **took})
     return EdgeRefinement(
         estimate, accepted, unseen.reason, unseen.before, unseen.after,
-        reader.support(estimate.T_mount_cam), took,
+        taken.support(estimate.T_mount_cam), taken.scene.camera,
+        None if taken is reader else np.sqrt(np.diag(fitted.lens.covariance)), took,
     )  # fmt: skip
+
+
+def _with_lens(
+    reader: EdgeReader, fit: EdgeFit, config: EdgeConfig, trust: F64
+) -> tuple[EdgeReader, EdgeFit]:
+    """The fit through the lens that the edges ask for; as it was where they ask for none.
+
+    A lens that is stated with distortion has been measured, and stays as it is.
+    """
+    if reader.scene.camera.is_distorted or not fit.lens.asked:
+        return reader, fit
+    bends, found = reader, fit
+    for steps in _LENS_STEPS:
+        bends = bends.through(bent(bends.scene.camera, found.lens.k))
+        again = EdgeFit.at(
+            bends, found.with_lens(), config.reaches_px[-1], config.spacing_px, trust, steps=steps
+        )
+        if again is None:
+            return reader, fit
+        found = again
+    return bends, found.with_lens_doubt()
 
 
 @dataclass(frozen=True)
@@ -174,9 +207,16 @@ def _descend(
 
 
 def _held_out(
-    reader: EdgeReader, T_start: F64, fit: EdgeFit, config: EdgeConfig, trust: F64
+    reader: EdgeReader,
+    T_start: F64,
+    bends: EdgeReader,
+    fit: EdgeFit,
+    config: EdgeConfig,
+    trust: F64,
 ) -> UnseenCost:
     """Robust cost of contour points that a fit has not seen, at the start and at the fit.
+
+    ``bends`` reads through the lens of the fit, ``reader`` through that of the start.
 
     The contour is cut into squares of 40 px, painted like a chessboard. The pose is fitted to one
     colour and judged on the other, and the other way round. At either pose the edges are looked
@@ -188,7 +228,7 @@ def _held_out(
     """
     reach = config.reaches_px[0]
     at_start = reader.read(T_start, reach, spacing_px=2.0)
-    at_fit = reader.read(fit.T_mount_cam, reach, spacing_px=2.0)
+    at_fit = bends.read(fit.T_mount_cam, reach, spacing_px=2.0)
     scale = offset_scale(at_fit, config.reaches_px[-1])
     J, r, w = stacked(at_fit, trust, scale)
     colour = np.concatenate([_chessboard(e.contour.points) for e in at_fit])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -47,6 +48,16 @@ class Scene:
     def __len__(self) -> int:
         return len(self.joints)
 
+    def through(self, camera: Camera) -> Scene:
+        """The same arm through another lens; pictures of the same size."""
+        other = copy(self)
+        other.camera = camera
+        other._renderers = {
+            (reduction, coarse): renderer.with_camera(_reduced(camera, reduction))
+            for (reduction, coarse), renderer in self._renderers.items()
+        }
+        return other
+
     @cached_property
     def radius(self) -> float:
         """Radius of a ball round :attr:`centre_mount` that nearly always holds the arm, metres."""
@@ -72,8 +83,9 @@ class Scene:
         key = (reduction, coarse)
         if key not in self._renderers:
             robot = self.rig.robot.simplified(COARSE_ERROR) if coarse else self.rig.robot
-            camera = self.camera if reduction == 1 else self.camera.scaled(1.0 / reduction)
-            self._renderers[key] = SilhouetteRenderer(robot.meshes, camera)
+            self._renderers[key] = SilhouetteRenderer(
+                robot.meshes, _reduced(self.camera, reduction)
+            )
         return self._renderers[key]
 
     def coverages(
@@ -103,3 +115,7 @@ class Scene:
             lambda Ts: renderer.contour(T_cam_mount @ Ts, centre, spacing=spacing),
             list(self.Ts_mount_link),
         )
+
+
+def _reduced(camera: Camera, reduction: int) -> Camera:
+    return camera if reduction == 1 else camera.scaled(1.0 / reduction)

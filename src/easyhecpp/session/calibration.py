@@ -26,17 +26,24 @@ from easyhecpp.session.masks import (
     inverted,
 )
 from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
-from easyhecpp.session.refinement import refine
+from easyhecpp.session.refinement import Refined, lens_notes, refine, refine_lens
 from easyhecpp.session.screening import Screening, restored, screen_for_edges, screen_for_masks
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings
-from easyhecpp.solve.nuisance import Strain, read_priors
+from easyhecpp.solve.nuisance import read_priors
+from easyhecpp.solve.strains import Strain
 
 F64 = NDArray[np.float64]
 
-_UNITS: dict[str, Literal["relative", "px"]] = {"focal": "relative", "cx": "px", "cy": "px"}
+_UNITS: dict[str, Literal["relative", "px", "1"]] = {
+    "focal": "relative",
+    "cx": "px",
+    "cy": "px",
+    "k1": "1",
+    "k2": "1",
+}
 
 
 @dataclass(frozen=True)
@@ -125,19 +132,19 @@ def calibrate(
         capture = screening.usable(capture, 1 if chosen.source is not None else FEWEST_VIEWS)
     with screening.explaining():
         if chosen.source is None:
-            outcome = calibrate_classically(
-                capture, stages, config=config.solve, edges=config.edges
-            )
+            state = calibrate_classically(capture, stages, config=config.solve, edges=config.edges)
         else:
             outcome = calibrate_from_masks(
                 capture, chosen, stages, first_pose=config.first_pose, config=config.solve
             )
-        refined = refine(capture, outcome, config.refine, stages, config.solve)
-    capture, outcome = refined.capture, refined.outcome
+            state = Refined(capture, outcome)
+        state = refine(state, config.refine, stages, config.solve)
     # The classical way ends with the edges itself, unless its pose was changed since.
-    if config.edges and (chosen.source is not None or refined.corrections):
-        outcome = refine_on_edges(capture, outcome, stages, without=screening.unusable)
-    outcome = refined.with_doubt(outcome)
+    if config.edges and (chosen.source is not None or config.refine):
+        state = refine_on_edges(state, stages, config=config.solve, without=screening.unusable)
+    if chosen.source is not None and state.outcome.before_edges is None:
+        state = refine_lens(state, stages, config.solve)
+    capture, outcome = state.capture, state.with_doubt()
     if outcome.before_edges is not None:
         outcome = with_final_views(capture, outcome)
     verdict = judge(
@@ -155,11 +162,12 @@ def calibrate(
         *outcome.notes,
         *short_mask_notes(outcome.masks, outcome.quality),
         *joint_notes(outcome.estimate),
+        *lens_notes(whole.camera, capture.camera, outcome.estimate),
     )
     views = screening.with_left_out(whole, _view_results(outcome))
     result = _result(
         capture, config, chosen, outcome, verdict, notes, views, stages, command,
-        refined.corrections,
+        state.corrections,
     )  # fmt: skip
     return Calibration(
         result=result,

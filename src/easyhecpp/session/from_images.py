@@ -17,16 +17,18 @@ from easyhecpp.segment.protocols import CaptureMasks, PoseBelief, ViewMask
 from easyhecpp.segment.quality import assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
+from easyhecpp.session.refinement import Refined, through_lens
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings, ViewFinding, solve_consistent
 from easyhecpp.solve.reasons import FEW_CONTOUR
+from easyhecpp.solve.strains import Strain
 from easyhecpp.solve.types import ContourFit, ViewFit
 
 
 def calibrate_classically(
     capture: Capture, stages: Stages, *, config: SolveConfig, edges: bool = True
-) -> Outcome:
+) -> Refined:
     """Images, joints, intrinsics and URDF; nothing else.
 
     Args:
@@ -57,17 +59,14 @@ def calibrate_classically(
             ids=capture.view_ids,
         )
     estimate = found.estimate if edges else found.before_edges
+    corrections: tuple[Strain, ...] = ()
+    if edges:
+        capture, corrections = through_lens(capture, found.refinement)
     belief = PoseBelief(estimate.T_mount_cam, estimate.covariance)
     masks = CaptureMasks(found.masks, belief)
     with stages.stage("check", "checking the views against each other"):
-        _, findings = solve_consistent(
-            capture.rig,
-            capture.camera,
-            observations_of(capture, masks),
-            [estimate.T_mount_cam],
-            replace(config, start_error_px=min(config.start_error_px, 8.0)),
-        )
-    return Outcome(
+        findings = _findings(capture, masks, estimate, config)
+    outcome = Outcome(
         _in_order(estimate, capture.view_ids),
         _with_unseen(findings, found.masks),
         masks,
@@ -77,6 +76,7 @@ def calibrate_classically(
         (_edge_note(found.refinement),) if edges else (),
         found.quality,
     )
+    return Refined(capture, outcome, corrections)
 
 
 def _with_unseen(findings: Findings, masks: Sequence[ViewMask]) -> Findings:
@@ -110,24 +110,25 @@ def _unseen(mask: ViewMask) -> ViewFinding:
 
 
 def refine_on_edges(
-    capture: Capture, outcome: Outcome, stages: Stages, *, without: Collection[str] = ()
-) -> Outcome:
+    refined: Refined, stages: Stages, *, config: SolveConfig, without: Collection[str] = ()
+) -> Refined:
     """Fit the contour to the image's own edges, where that is possible and proves better.
 
     Left out without images, with fewer than three views, or with a camera that moves with the arm.
 
     Args:
-        capture: The views.
-        outcome: The pose so far.
+        refined: The views and the pose so far.
         stages: Told about the stage.
+        config: Settings of the pose optimisation.
         without: Views whose pictures are of no use.
     """
+    capture, outcome = refined.capture, refined.outcome
     used = [view.id for view in outcome.estimate.views]
     views = [v for v in capture.views if v.id in used and v.id not in without and v.has_image]
     blind = [name for name in used if name in without]
     still = capture.rig.mount == capture.robot.base_link
     if len(views) < FEWEST_VIEWS or len(views) + len(blind) < len(used) or not still:
-        return outcome
+        return refined
     out = set(outcome.findings.inconsistent)
     ignore = {mask.view_id: mask.ignore for mask in outcome.masks.views}
     with stages.stage("edges", "fitting the outline to the images"):
@@ -136,22 +137,43 @@ def refine_on_edges(
         backgrounds = Backgrounds(scene, images, outcome.estimate.T_mount_cam)
         ids = [view.id for view in views]
         silent = [ignore.get(name) for name in ids]
-        refined = refine_edges(
+        found = refine_edges(
             backgrounds,
             outcome.estimate,
             ids=ids,
             weights=[0.0 if name in out else 1.0 for name in ids],
             ignore=silent,
         )
-        quality = assess_at(backgrounds, refined.estimate.T_mount_cam, ids, silent)
-    estimate = _in_order(refined.estimate, used, outcome.estimate)
-    return replace(
+        quality = assess_at(
+            backgrounds.through(found.camera), found.estimate.T_mount_cam, ids, silent
+        )
+        capture, corrections = through_lens(capture, found)
+        findings = outcome.findings
+        if corrections:
+            findings = _findings(capture, outcome.masks, found.estimate, config)
+    outcome = replace(
         outcome,
-        estimate=estimate,
+        estimate=_in_order(found.estimate, used, outcome.estimate),
+        findings=findings,
         before_edges=outcome.estimate,
-        notes=(*outcome.notes, _edge_note(refined)),
+        notes=(*outcome.notes, _edge_note(found)),
         quality=quality,
     )
+    return replace(
+        refined,
+        capture=capture,
+        outcome=outcome,
+        corrections=(*refined.corrections, *corrections),
+    )
+
+
+def _findings(
+    capture: Capture, masks: CaptureMasks, estimate: PoseEstimate, config: SolveConfig
+) -> Findings:
+    """How the views' masks agree with each other, from a pose that is all but right."""
+    near = replace(config, start_error_px=min(config.start_error_px, 8.0))
+    seen = observations_of(capture, masks)
+    return solve_consistent(capture.rig, capture.camera, seen, [estimate.T_mount_cam], near)[1]
 
 
 def _edge_note(refined: EdgeRefinement) -> str:

@@ -1,4 +1,8 @@
-"""Intrinsics and joint zeros refined together with the pose, when the user asks for it."""
+"""Intrinsics and joint zeros refined together with the pose.
+
+What the user names, and the lens where camera_info states one without distortion and the outlines
+ask for another.
+"""
 
 from __future__ import annotations
 
@@ -7,26 +11,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp.camera import Camera
 from easyhecpp.capture import Capture
 from easyhecpp.errors import CalibrationError
+from easyhecpp.segment.edges import EdgeRefinement
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
-from easyhecpp.solve import SolveConfig
+from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import solve_consistent
-from easyhecpp.solve.nuisance import Strain, read_priors, refine_nuisances
+from easyhecpp.solve.lens import LENS
+from easyhecpp.solve.nuisance import read_priors, refine_nuisances
+from easyhecpp.solve.strains import Strain
 
 F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A calibration's state after the refinement, or after it was refused.
+    """A calibration's state, with what was refined beside the pose so far.
 
     Attributes:
         capture: With the refined intrinsics and joints.
         outcome: The pose that goes with them.
         corrections: What was refined, by how much.
-        pose_covariance: ``(6, 6)`` that the doubt about the parameters adds to the pose's.
+        pose_covariance: ``(6, 6)`` that the doubt about the parameters adds to the pose's, where
+            the outcome does not count it yet.
     """
 
     capture: Capture
@@ -34,23 +43,20 @@ class Refined:
     corrections: tuple[Strain, ...] = ()
     pose_covariance: F64 | None = None
 
-    def with_doubt(self, outcome: Outcome) -> Outcome:
-        """A later stage's outcome, which takes the parameters as known, with the doubt added."""
+    def with_doubt(self) -> Outcome:
+        """The outcome with the doubt about the parameters in its error bar."""
         if self.pose_covariance is None:
-            return outcome
-        estimate = outcome.estimate
+            return self.outcome
+        estimate = self.outcome.estimate
         covariance = estimate.covariance + self.pose_covariance
-        return replace(outcome, estimate=replace(estimate, covariance=covariance))
+        return replace(self.outcome, estimate=replace(estimate, covariance=covariance))
 
 
-def refine(
-    capture: Capture, outcome: Outcome, words: tuple[str, ...], stages: Stages, config: SolveConfig
-) -> Refined:
-    """Refine what the words name, and the pose with it.
+def refine(state: Refined, words: tuple[str, ...], stages: Stages, config: SolveConfig) -> Refined:
+    """Refine what the words name, and the pose with it, on the masks.
 
     Args:
-        capture: The views.
-        outcome: The pose with everything as stated.
+        state: The views, and the pose so far.
         words: See `read_priors`; nothing is done when there are none.
         stages: Keeps the times.
         config: Settings of the optimiser.
@@ -62,9 +68,10 @@ def refine(
     Raises:
         InputError: A word that names nothing.
     """
+    capture, outcome = state.capture, state.outcome
     priors = read_priors(words, capture.robot.joint_names)
     if not priors:
-        return Refined(capture, outcome)
+        return state
     out = set(outcome.findings.inconsistent)
     seen = [o for o in observations_of(capture, outcome.masks) if o.id not in out]
     with stages.stage("refine", f"refining {', '.join(priors)} with the pose"):
@@ -73,7 +80,8 @@ def refine(
                 capture.rig, capture.camera, seen, outcome.estimate.T_mount_cam, priors
             )
         except CalibrationError as error:
-            return Refined(capture, replace(outcome, doubts=(*outcome.doubts, str(error))))
+            doubts = (*outcome.doubts, str(error))
+            return replace(state, outcome=replace(outcome, doubts=doubts))
         views = tuple(v.with_joints(v.joints + found.joint_zeros) for v in capture.views)
         capture = replace(capture, camera=found.camera, views=views)
         estimate, findings = solve_consistent(
@@ -83,5 +91,56 @@ def refine(
             [found.T_mount_cam],
             replace(config, start_error_px=min(config.start_error_px, 8.0)),
         )
-    outcome = replace(outcome, estimate=estimate, findings=findings)
-    return Refined(capture, outcome, found.corrections, found.pose_covariance)
+    before = state.pose_covariance
+    return Refined(
+        capture,
+        replace(outcome, estimate=estimate, findings=findings),
+        (*state.corrections, *found.corrections),
+        found.pose_covariance if before is None else before + found.pose_covariance,
+    )
+
+
+def refine_lens(state: Refined, stages: Stages, config: SolveConfig) -> Refined:
+    """Refine a lens that is stated without distortion, where the masks ask for another.
+
+    Args:
+        state: The views, and the pose from their masks.
+        stages: Keeps the times.
+        config: Settings of the optimiser.
+    """
+    lens = state.outcome.findings.lens
+    if state.capture.camera.is_distorted or lens is None or not lens.asked:
+        return state
+    return refine(state, ("lens",), stages, config)
+
+
+def through_lens(capture: Capture, found: EdgeRefinement) -> tuple[Capture, tuple[Strain, ...]]:
+    """The capture through the lens that the edge stage ended with, and what that changed."""
+    if found.lens_sigma is None:
+        return capture, ()
+    corrections = tuple(
+        Strain(name, k, float(sigma))
+        for name, k, sigma in zip(LENS, found.camera.distortion[:2], found.lens_sigma, strict=True)
+    )
+    return replace(capture, camera=found.camera), corrections
+
+
+def lens_notes(stated: Camera, refined: Camera, estimate: PoseEstimate) -> tuple[str, ...]:
+    """What the user should know about a lens that was refined unasked: nothing, or a sentence.
+
+    Args:
+        stated: Intrinsics of the capture.
+        refined: Those that the pose goes with.
+        estimate: The pose; its outlines say where the lens mattered.
+    """
+    if stated.is_distorted or not refined.is_distorted:
+        return ()
+    points = np.concatenate([c.points for c in estimate.contours])
+    straight = replace(refined, distortion_model="none", distortion=())
+    bends = np.linalg.norm(straight.project(refined.unproject(points)) - points, axis=1)
+    k1, k2 = refined.distortion[:2]
+    return (
+        f"lens: camera_info states no distortion, but the outlines show some: k1 {k1:+.3f}, k2 "
+        f"{k2:+.3f}, up to {np.nanmax(bends, initial=0.0):.1f} px where the arm is seen. The pose "
+        "goes with it; put it into camera_info, or calibrate the lens.",
+    )

@@ -18,10 +18,11 @@ from easyhecpp.geometry import inverse
 from easyhecpp.rig import Rig
 from easyhecpp.solve.agreement import Agreement, agreement, pixel_unit, subproblem
 from easyhecpp.solve.leave_out import Prediction, leave_one_out
-from easyhecpp.solve.nuisance import Strain, strains
+from easyhecpp.solve.lens import LensStrain
 from easyhecpp.solve.optimise import solve_pose
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.reasons import FEW_CONTOUR, FEW_CONTOUR_PX, reason_for
+from easyhecpp.solve.strains import Strain, strains
 from easyhecpp.solve.subsets import largest_consistent_set
 from easyhecpp.solve.types import Observation, PoseEstimate, SolveConfig
 
@@ -64,12 +65,14 @@ class Findings:
             searched for, and is what the pose rests on.
         contradictory: True when no two views agree, so that the pose is an average at best.
         strains: What the residuals say about intrinsics and joint zeros taken as known.
+        lens: What they say about the lens; None where no view tells anything.
     """
 
     views: tuple[ViewFinding, ...]
     searched: bool = False
     contradictory: bool = False
     strains: tuple[Strain, ...] = ()
+    lens: LensStrain | None = None
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
@@ -206,12 +209,9 @@ def _named(
             sentence = f"View {view.id} shows hardly any outline of the arm and says little."
         findings.append(ViewFinding(view.id, bool(kept[i]), flags, sentence))
         views.append(replace(view, flags=flags, prediction_px=p.rms_px))
-    return (
-        replace(estimate, views=tuple(views)),
-        Findings(tuple(findings), searched, contradictory, _strains(problem, T_cam_mount, kept)),
-    )
-
-
-def _strains(problem: PoseProblem, T_cam_mount: F64, kept: Flags) -> tuple[Strain, ...]:
-    views = [int(v) for v in np.flatnonzero(kept)]
-    return strains(subproblem(problem, views), T_cam_mount) if views else ()
+    found = Findings(tuple(findings), searched, contradictory)
+    some = [int(v) for v in np.flatnonzero(kept)]
+    if some:
+        parameters, lens = strains(subproblem(problem, some), T_cam_mount)
+        found = replace(found, strains=parameters, lens=lens)
+    return replace(estimate, views=tuple(views)), found

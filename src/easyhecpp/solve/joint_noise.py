@@ -12,15 +12,12 @@ the images' edges say. The error bars carry the joints' share.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
-
-_POSE = 7
-"""Unknowns that all views share: ``delta`` and the dilation."""
 
 _START, _LARGEST = 1e-3, 1e-2
 """Standard deviations in rad: to start from, and above which it is no noise but a wrong posture."""
@@ -40,54 +37,60 @@ class JointNoise:
 
     Attributes:
         variance: Of every joint, rad^2 (m^2 for prismatic ones).
+        shared: Unknowns that all views share, the first of each view: ``delta`` and the dilation,
+            and more where intrinsics are free too. Called s below.
     """
 
     variance: float = _START**2
+    shared: int = 7
 
     def marginal(self, information: F64, vectors: F64) -> tuple[F64, F64]:
-        """Information ``(V, 7, 7)`` and vectors ``(V, 7)`` on what the views share.
+        """Information ``(V, s, s)`` and vectors ``(V, s)`` on what the views share.
 
         Args:
-            information: ``(V, 7 + n, 7 + n)`` on ``[delta, dilation, joints of the view]``.
-            vectors: ``(V, 7 + n)``.
+            information: ``(V, s + n, s + n)`` on ``[shared, joints of the view]``.
+            vectors: ``(V, s + n)``.
         """
+        s = self.shared
         _, gain = self._within(information)
         return (
-            information[:, :_POSE, :_POSE] - gain @ information[:, _POSE:, :_POSE],
-            vectors[:, :_POSE] - np.einsum("vij,vj->vi", gain, vectors[:, _POSE:]),
+            information[:, :s, :s] - gain @ information[:, s:, :s],
+            vectors[:, :s] - np.einsum("vij,vj->vi", gain, vectors[:, s:]),
         )
 
     def effects(self, information: F64, vectors: F64, prior: F64) -> tuple[F64, F64]:
-        """What all unknowns of each view most likely are, ``(V, 7 + n)``, and their covariance.
+        """What all unknowns of each view most likely are, ``(V, s + n)``, and their covariance.
 
         Args:
             information: As for `marginal`.
             vectors: As for `marginal`.
-            prior: ``(7, 7)`` information on the shared unknowns before any view.
+            prior: ``(s, s)`` information on the shared unknowns before any view.
         """
+        s = self.shared
         N, b = self.marginal(information, vectors)
         covariance = np.linalg.inv(N.sum(axis=0) + prior)
         shared = covariance @ b.sum(axis=0)
         within, gain = self._within(information)
-        left = vectors[:, _POSE:] - information[:, _POSE:, :_POSE] @ shared
+        left = vectors[:, s:] - information[:, s:, :s] @ shared
         own = np.einsum("vij,vj->vi", within, left)
         slope = -gain.transpose(0, 2, 1)
         whole = np.empty_like(information)
-        whole[:, :_POSE, :_POSE] = covariance
-        whole[:, _POSE:, :_POSE] = slope @ covariance
-        whole[:, :_POSE, _POSE:] = whole[:, _POSE:, :_POSE].transpose(0, 2, 1)
-        whole[:, _POSE:, _POSE:] = within + slope @ covariance @ slope.transpose(0, 2, 1)
-        return np.column_stack([np.broadcast_to(shared, (len(own), _POSE)), own]), whole
+        whole[:, :s, :s] = covariance
+        whole[:, s:, :s] = slope @ covariance
+        whole[:, :s, s:] = whole[:, s:, :s].transpose(0, 2, 1)
+        whole[:, s:, s:] = within + slope @ covariance @ slope.transpose(0, 2, 1)
+        return np.column_stack([np.broadcast_to(shared, (len(own), s)), own]), whole
 
     def pulls(self, information: F64) -> F64:
-        """Covariance ``(7, 7)`` of what joint errors add to the sum of the views' vectors.
+        """Covariance ``(s, s)`` of what joint errors add to the sum of the views' vectors.
 
         Of the true errors, not of the part of them that is found, see `UNDERSTATED`.
 
         Args:
             information: As for `marginal`; of the views that count.
         """
-        by_joint = information[:, :_POSE, _POSE:]
+        s = self.shared
+        by_joint = information[:, :s, s:]
         true = UNDERSTATED * self.variance
         return true * np.einsum("vij,vkj->ik", by_joint, by_joint)
 
@@ -100,20 +103,22 @@ class JointNoise:
             prior: As for `effects`.
         """
         noise = self
-        if information.shape[-1] == _POSE or len(information) == 0:
+        s = self.shared
+        if information.shape[-1] == s or len(information) == 0:
             return noise
         for _ in range(_ITERATIONS):
             effects, spread = noise.effects(information, vectors, prior)
-            own = np.square(effects[:, _POSE:])
+            own = np.square(effects[:, s:])
             # Of each unknown the share that the data determine, and not the variance assumed: with
             # it this settles far faster than expectation maximisation does (MacKay 1992, eq. 4.7).
-            known = 1.0 - np.einsum("vii->vi", spread)[:, _POSE:] / noise.variance
+            known = 1.0 - np.einsum("vii->vi", spread)[:, s:] / noise.variance
             variance = float(own.sum()) / max(float(known.sum()), 1e-9)
-            noise = JointNoise(float(np.clip(variance, _SMALLEST**2, _LARGEST**2)))
+            noise = replace(noise, variance=float(np.clip(variance, _SMALLEST**2, _LARGEST**2)))
         return noise
 
     def _within(self, information: F64) -> tuple[F64, F64]:
-        """Covariance ``(V, n, n)`` of the joints, the rest known, and the gain ``(V, 7, n)``."""
-        n = information.shape[-1] - _POSE
-        within = np.linalg.inv(information[:, _POSE:, _POSE:] + np.eye(n) / self.variance)
-        return np.asarray(within, np.float64), information[:, :_POSE, _POSE:] @ within
+        """Covariance ``(V, n, n)`` of the joints, the rest known, and the gain ``(V, s, n)``."""
+        s = self.shared
+        n = information.shape[-1] - s
+        within = np.linalg.inv(information[:, s:, s:] + np.eye(n) / self.variance)
+        return np.asarray(within, np.float64), information[:, :s, s:] @ within

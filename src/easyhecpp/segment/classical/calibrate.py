@@ -80,7 +80,7 @@ class ClassicalResult:
         quality: One per view.
         estimate: The pose with covariance, as the solver states it.
         before_edges: The same before the edge stage.
-        refinement: What the edge stage did.
+        refinement: What the edge stage did; the camera that the pose goes with is among it.
         reasons: Why the result may be wrong, sentences; empty when it is sure.
         timings_s: Seconds per stage.
     """
@@ -219,18 +219,21 @@ class ClassicalSegmenter:
         backgrounds = self.backgrounds(estimate.T_mount_cam)
         config = self.config.edges
         refined = refine_edges(backgrounds, estimate, ids=self.ids, config=config)
-        quality = self._quality(refined.estimate.T_mount_cam)
+        quality = self._quality(backgrounds, refined)
         weights = [v.weight for v in quality]
         if min(weights) < 0.75 and sum(w > 0.5 for w in weights) >= FEWEST_VIEWS:
             refined = refine_edges(
                 backgrounds, estimate, ids=self.ids, weights=weights, config=config
             )
-            quality = self._quality(refined.estimate.T_mount_cam)
+            quality = self._quality(backgrounds, refined)
         return refined, quality
 
-    def _quality(self, T_mount_cam: F64) -> tuple[ViewQuality, ...]:
-        assert self._backgrounds is not None  # refine has made it
-        return assess_at(self._backgrounds, T_mount_cam, self.ids)
+    def _quality(
+        self, backgrounds: Backgrounds, refined: EdgeRefinement
+    ) -> tuple[ViewQuality, ...]:
+        """At the refined pose, through the lens that goes with it; so are all later masks."""
+        self._backgrounds = backgrounds.through(refined.camera)
+        return assess_at(self._backgrounds, refined.estimate.T_mount_cam, self.ids)
 
 
 def calibrate_from_images(

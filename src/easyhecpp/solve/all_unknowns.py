@@ -1,0 +1,117 @@
+"""The normal equations of everything that may be stated wrongly, beside the pose.
+
+The unknowns are ``[delta (6), dilation, focal, cx, cy, k1, k2, joint zeros (n)]``, with the noise
+model of the last stage and the mask errors that views repeat.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from easyhecpp.camera import Camera
+from easyhecpp.rig import Rig
+from easyhecpp.solve.correlation import average_samples, fit_noise
+from easyhecpp.solve.joint_twists import by_joints, joint_twists
+from easyhecpp.solve.lens import LENS, lens_columns
+from easyhecpp.solve.problem import PoseProblem
+from easyhecpp.solve.repeats import Repeats
+from easyhecpp.solve.robust import consistent_scale, inlier_weights
+
+F64 = NDArray[np.float64]
+
+POSE = 7
+"""``delta`` and the dilation."""
+
+INTRINSICS = ("focal", "cx", "cy", *LENS)
+
+DILATION_INFORMATION = 4.0
+
+_SMOOTHING_PX = 1.2
+
+
+def names_of(rig: Rig) -> tuple[str, ...]:
+    """The unknowns after the pose and the dilation, in their order."""
+    return (*INTRINSICS, *rig.robot.joint_names)
+
+
+def intrinsic_columns(camera: Camera, points: F64, normals: F64) -> F64:
+    """Outward displacement of contour points by the intrinsics, ``(N, 5)``.
+
+    Args:
+        camera: Intrinsics.
+        points: ``(N, 2)`` pixels.
+        normals: ``(N, 2)`` outward.
+
+    Returns:
+        Pixels per unit of the relative focal length, per pixel of the principal point, and per unit
+        of ``k1`` and ``k2``.
+    """
+    from_centre = points - np.array([camera.cx, camera.cy])
+    return np.column_stack(
+        [
+            np.einsum("ni,ni->n", normals, from_centre),
+            normals,
+            lens_columns(camera, points, normals),
+        ]
+    )
+
+
+def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64, F64]:
+    """``(V, k, k)`` and ``(V, k)`` of the views that show something and have a say.
+
+    Args:
+        problem: The views.
+        T_cam_mount: ``(4, 4)`` solution.
+    """
+    seen = problem.gather(T_cam_mount, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
+    scale = consistent_scale(seen, problem.weights)
+    points = [average_samples(e, inlier_weights(e.distances, scale)) for e in seen]
+    noise = fit_noise(points, problem.weights, _SMOOTHING_PX)
+    joints = np.stack([o.joints for o in problem.observations])
+    twists = joint_twists(problem.rig, joints, T_cam_mount, problem.centre_cam(T_cam_mount))
+    size = POSE + len(names_of(problem.rig))
+    N, b = [np.zeros((0, size, size))], [np.zeros((0, size))]
+    repeats = Repeats.among(points, problem.weights)
+    shared = repeats.shared([p.residuals for p in points])
+    for view, (p, others) in enumerate(zip(points, repeats.others(), strict=True)):
+        if problem.weights[view] <= 0.0 or not len(p):
+            continue
+        own = np.column_stack(
+            [
+                intrinsic_columns(problem.camera, p.points, p.normals),
+                by_joints(p.jacobians, p.links, twists[view]),
+            ]
+        )
+        A = np.column_stack([noise.design(p), noise.gain * own])
+        scale = np.sqrt(1.0 + shared * others)
+        C = noise.covariance(p, view) * (scale[:, None] * scale)
+        factor = cho_factor(C, lower=True, check_finite=False)
+        CA = cho_solve(factor, A, check_finite=False)
+        N.append((A.T @ CA)[None])
+        b.append((CA.T @ p.residuals)[None])
+    return np.concatenate(N), np.concatenate(b)
+
+
+def summed(views: F64, sides: F64) -> tuple[F64, F64]:
+    """The normal equations of all views, with the prior of the dilation."""
+    N = views.sum(axis=0)
+    N[6, 6] += DILATION_INFORMATION
+    return N, sides.sum(axis=0)
+
+
+def without_pose(N: F64, b: F64, chosen: NDArray[np.int64]) -> tuple[F64, F64]:
+    """Information and vector of the chosen unknowns once pose and dilation are eliminated.
+
+    Args:
+        N: ``(k, k)`` of all unknowns.
+        b: ``(k,)``.
+        chosen: Their indices.
+    """
+    pose = np.arange(POSE)
+    gain = np.linalg.solve(N[np.ix_(pose, pose)], N[np.ix_(pose, chosen)]).T
+    return (
+        N[np.ix_(chosen, chosen)] - gain @ N[np.ix_(pose, chosen)],
+        b[chosen] - gain @ b[pose],
+    )

@@ -1,0 +1,116 @@
+"""Intrinsics and joint zeros that do not fit: a test that costs little.
+
+It rests on the normal equations of all unknowns (`all_unknowns`). What the pose can imitate is
+taken out first (Schur complement): what is left is what the data say about a parameter when the
+pose is free. The zero of the first joint and the base's yaw, for instance, leave nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from easyhecpp.solve.all_unknowns import (
+    DILATION_INFORMATION,
+    INTRINSICS,
+    POSE,
+    names_of,
+    normal_equations_by_view,
+    summed,
+    without_pose,
+)
+from easyhecpp.solve.correlated import covariance_inflation
+from easyhecpp.solve.joint_noise import JointNoise
+from easyhecpp.solve.lens import LensStrain, lens_strain
+from easyhecpp.solve.problem import PoseProblem
+
+F64 = NDArray[np.float64]
+
+_JOINTS = POSE + len(INTRINSICS)
+
+
+@dataclass(frozen=True)
+class Strain:
+    """What the residuals say about a parameter that was taken as known.
+
+    Attributes:
+        name: ``focal`` (relative), ``cx``, ``cy`` (pixels), ``k1``, ``k2`` or a joint's name
+            (radians or metres).
+        value: Correction that the residuals ask for, pose free.
+        sigma: Its standard deviation; infinite where the pose can imitate it.
+    """
+
+    name: str
+    value: float
+    sigma: float
+
+    @property
+    def z(self) -> float:
+        """Correction in standard deviations."""
+        return self.value / self.sigma if np.isfinite(self.sigma) else 0.0
+
+
+def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[tuple[Strain, ...], LensStrain]:
+    """Test every parameter that was taken as known, one at a time, and the lens as a whole.
+
+    Args:
+        problem: The views; those of weight 0 have no say.
+        T_cam_mount: ``(4, 4)`` solution.
+    """
+    names = names_of(problem.rig)
+    views, sides = normal_equations_by_view(problem, T_cam_mount)
+    N, b = summed(views, sides)
+    inflation = covariance_inflation(len(views))
+    found = []
+    for k, name in enumerate(names, start=POSE):
+        left, vector = without_pose(N, b, np.array([k]))
+        information = float(left[0, 0])
+        # Nothing but rounding is left of what the pose imitates exactly.
+        if information <= 1e-6 * float(N[k, k]):
+            found.append(Strain(name, 0.0, np.inf))
+            continue
+        value = float(vector[0]) / information
+        spread = _by_joint_errors(views, sides, N, k, value)
+        sigma = float(np.sqrt(inflation * (1.0 + spread / information) / information))
+        found.append(Strain(name, value, sigma))
+    focal_and_lens = [POSE + INTRINSICS.index(name) for name in ("focal", "k1", "k2")]
+    chosen = np.r_[:POSE, focal_and_lens, _JOINTS : len(N)].astype(np.int64)
+    each = np.arange(len(views))
+    lens = lens_strain(
+        views[np.ix_(each, chosen, chosen)], sides[:, chosen], _dilation_prior(), inflation
+    )
+    return tuple(found), lens
+
+
+def _dilation_prior() -> F64:
+    prior = np.zeros((POSE, POSE))
+    prior[6, 6] = DILATION_INFORMATION
+    return prior
+
+
+def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> float:
+    """Variance that errors of the joints, fresh in every view, give the vector of a parameter.
+
+    Their size is that of the residuals once the parameter has its value: what it explains is not
+    put down to the joints.
+
+    Args:
+        views: ``(V, n, n)`` normal equations of each view.
+        sides: ``(V, n)`` their right-hand sides.
+        N: ``(n, n)`` their sum, with the prior of the dilation.
+        k: Index of the parameter.
+        value: What the data say of it.
+    """
+    # The zero of a joint moves the outline as its error in one view does.
+    unknowns = np.concatenate([np.arange(POSE), np.arange(_JOINTS, len(N))])
+    left = sides - views[:, :, k] * value
+    noise = JointNoise().fitted(
+        views[np.ix_(np.arange(len(views)), unknowns, unknowns)],
+        left[:, unknowns],
+        _dilation_prior(),
+    )
+    gain = np.linalg.solve(N[:POSE, :POSE], N[:POSE, k])
+    pull = views[:, k, _JOINTS:] - np.einsum("p,vpj->vj", gain, views[:, :POSE, _JOINTS:])
+    return noise.variance * float(np.square(pull).sum())
