@@ -193,7 +193,7 @@ class RefinedParameter(Block):
     name: str = Field(min_length=1)
     correction: FiniteFloat
     sigma: NonNegative
-    unit: Literal["relative", "px", "1", "rad or m"]
+    unit: Literal["relative", "px", "coefficient", "rad or m"]
 
 
 class ViewResult(Block):

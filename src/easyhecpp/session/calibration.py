@@ -37,12 +37,12 @@ from easyhecpp.solve.strains import Strain
 
 F64 = NDArray[np.float64]
 
-_UNITS: dict[str, Literal["relative", "px", "1"]] = {
+_UNITS: dict[str, Literal["relative", "px", "coefficient"]] = {
     "focal": "relative",
     "cx": "px",
     "cy": "px",
-    "k1": "1",
-    "k2": "1",
+    "k1": "coefficient",
+    "k2": "coefficient",
 }
 
 
