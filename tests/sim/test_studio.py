@@ -7,9 +7,11 @@ from sim_pictures import CAMERAS, shift_px
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, look_at
 from easyhecpp.render.reference_compiled import reference_coverage_compiled
+from easyhecpp.sim.clutter import upright
 from easyhecpp.sim.finishes import ArmLook, dress
 from easyhecpp.sim.lens import plan_pinhole
 from easyhecpp.sim.materials import Material
+from easyhecpp.sim.panels import Lamp, PaintedPanel
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.room import Surroundings
 from easyhecpp.sim.studio import Quality, Studio, limit_threads
@@ -87,3 +89,15 @@ def test_the_same_seed_gives_the_same_picture_whatever_the_threads(shadow_play, 
     assert np.array_equal(pictures[0], pictures[1])
     assert np.array_equal(pictures[1], pictures[2])
     assert not np.array_equal(pictures[0], other)
+
+
+def test_a_glowing_panel_shows_its_light_whatever_else_shines():
+    glow = np.full((4, 4, 3), (0.1, 0.2, 0.3), np.float32)
+    lamp = Lamp(upright(0, 0, 2.0, 0) @ np.diag([1.0, -1, -1, 1]), (0.5, 0.5), np.full(3, 20.0))
+    wall = PaintedPanel("wall", np.eye(4), (8.0, 8.0), glow)
+    white = np.ones((4, 8, 3), np.float32)
+    studio = Studio(Surroundings((), (wall,), (lamp,), white, 0.0), (), [])
+    above = look_at([0.0, 0.0, 1.0], [0.0, 0.01, 0.0])
+    for depth in (1, 2):
+        light = studio.photograph(OFF_CENTRE, above, [], Quality(4, depth, denoise=False), 1)
+        assert np.abs(light - glow[0, 0]).max() < 1e-5

@@ -24,6 +24,13 @@ from easyhecpp.sim.panels import Lamp, PaintedPanel
 from easyhecpp.sim.room import Surroundings
 from easyhecpp.sim.shapes import Surface
 
+# A mirror that reflects nothing ends a path: at matt black, a ray to a lamp would still be traced.
+_BLACK = {
+    "type": "conductor",
+    "material": "none",
+    "specular_reflectance": {"type": "rgb", "value": 0.0},
+}
+
 # OpenCV's optical axes (x right, y down) seen from Mitsuba's (x left, y up).
 _FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 
@@ -124,7 +131,7 @@ def _glowing(T: np.ndarray, size: tuple[float, float], radiance: Any, weight: fl
         {
             "type": "rectangle",
             "to_world": mi.ScalarTransform4f(T @ stretch),
-            "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}},
+            "bsdf": _BLACK,
             "emitter": {"type": "area", "radiance": radiance, "sampling_weight": weight},
         }
     )
