@@ -20,7 +20,7 @@ from easyhecpp.sim.clutter import Prop
 from easyhecpp.sim.denoise import denoised
 from easyhecpp.sim.finishes import Part
 from easyhecpp.sim.materials import Material
-from easyhecpp.sim.panels import Lamp, PaintedPanel
+from easyhecpp.sim.panels import Lamp, PaintedPanel, to_linear
 from easyhecpp.sim.room import Surroundings
 from easyhecpp.sim.shapes import Surface
 
@@ -82,7 +82,9 @@ def _bsdf(material: Material) -> dict[str, Any]:
         u, v = material.repeat
         colour = {
             "type": "bitmap",
-            "bitmap": mi.Bitmap(np.ascontiguousarray(material.texture)),
+            # Linear beforehand: Mitsuba would take a power at every look-up of an 8-bit picture.
+            "bitmap": mi.Bitmap(to_linear(material.texture)),
+            "raw": True,
             "to_uv": mi.ScalarTransform4f().scale([u, v, 1.0]),
         }
     if material.metallic == 0.0 and material.coat == 0.0 and material.roughness >= 0.6:
