@@ -7,11 +7,14 @@ from sim_pictures import CAMERAS, shift_px
 from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse, look_at
 from easyhecpp.render.reference_compiled import reference_coverage_compiled
+from easyhecpp.sim.clutter import Prop, upright
 from easyhecpp.sim.finishes import ArmLook, dress
 from easyhecpp.sim.lens import plan_pinhole
-from easyhecpp.sim.materials import Material
+from easyhecpp.sim.materials import Material, textured
+from easyhecpp.sim.panels import Lamp, PaintedPanel
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.room import Surroundings
+from easyhecpp.sim.shapes import panel
 from easyhecpp.sim.studio import Quality, Studio, limit_threads
 
 pytest.importorskip("mitsuba", reason="path-traced pictures need the extra sim")
@@ -87,3 +90,27 @@ def test_the_same_seed_gives_the_same_picture_whatever_the_threads(shadow_play, 
     assert np.array_equal(pictures[0], pictures[1])
     assert np.array_equal(pictures[1], pictures[2])
     assert not np.array_equal(pictures[0], other)
+
+
+def test_a_picture_on_a_board_is_as_bright_as_its_srgb_says():
+    picture = np.full((8, 8, 3), (188, 128, 60), np.uint8)
+    board = Prop("board", panel(4.0, 4.0), textured(picture, roughness=0.7))
+    white = np.ones((4, 8, 3), np.float32)
+    studio = Studio(Surroundings((board,), (), (), white, 0.0), (), [])
+    above = look_at([0.0, 0.0, 1.0], [0.0, 0.01, 0.0])
+    light = studio.photograph(OFF_CENTRE, above, [], Quality(16, 2, denoise=False), 1)
+    # The standard's formula: a matt thing under an even sky shows its linear reflectance.
+    expected = ((np.array([188, 128, 60]) / 255 + 0.055) / 1.055) ** 2.4
+    assert light.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
+
+
+def test_a_glowing_panel_shows_its_light_whatever_else_shines():
+    glow = np.full((4, 4, 3), (0.1, 0.2, 0.3), np.float32)
+    lamp = Lamp(upright(0, 0, 2.0, 0) @ np.diag([1.0, -1, -1, 1]), (0.5, 0.5), np.full(3, 20.0))
+    wall = PaintedPanel("wall", np.eye(4), (8.0, 8.0), glow)
+    white = np.ones((4, 8, 3), np.float32)
+    studio = Studio(Surroundings((), (wall,), (lamp,), white, 0.0), (), [])
+    above = look_at([0.0, 0.0, 1.0], [0.0, 0.01, 0.0])
+    for depth in (1, 2):
+        light = studio.photograph(OFF_CENTRE, above, [], Quality(4, depth, denoise=False), 1)
+        assert np.abs(light - glow[0, 0]).max() < 1e-5

@@ -28,6 +28,7 @@ def _weighted_sum(
     guide: F32, variance: F32, values: F32, offsets: NDArray[np.int64], strength: float
 ) -> F32:
     """Average ``values`` with weights from 3 x 3 patches of ``guide``."""
+    tolerance = np.float32(strength)  # a double would make all that follows double
     rows, columns = guide.shape[:2]
     total = np.zeros((rows, columns, 3), np.float32)
     weight = np.zeros((rows, columns), np.float32)
@@ -43,7 +44,7 @@ def _weighted_sum(
                     v, u = variance[y, x, c], variance[y + dy, x + dx, c]
                     step = guide[y, x, c] - guide[y + dy, x + dx, c]
                     noise = v + min(v, u)
-                    d += (step * step - noise) / (np.float32(1e-6) + strength * (v + u))
+                    d += (step * step - noise) / (np.float32(1e-6) + tolerance * (v + u))
                 distance[y, x] = d
         for y in range(y0 + 1, y1 - 1):
             for x in range(x0 + 1, x1 - 1):

@@ -1,7 +1,8 @@
 """Path-traced pictures of the cell with Mitsuba (variant ``scalar_rgb``: nothing but its wheel).
 
-The studio turns surfaces and finishes into Mitsuba objects once; a picture then only names where
-the links and the camera are. Links are instances, so moving them rebuilds one small tree.
+The studio turns finishes and what does not move into Mitsuba objects once; a picture then only
+places the links and the camera. Links are placed as triangles, not as instances: building the tree
+over all of them takes a tenth of a second, rays through it are an eighth faster.
 """
 
 from __future__ import annotations
@@ -20,9 +21,16 @@ from easyhecpp.sim.clutter import Prop
 from easyhecpp.sim.denoise import denoised
 from easyhecpp.sim.finishes import Part
 from easyhecpp.sim.materials import Material
-from easyhecpp.sim.panels import Lamp, PaintedPanel
+from easyhecpp.sim.panels import Lamp, PaintedPanel, to_linear
 from easyhecpp.sim.room import Surroundings
-from easyhecpp.sim.shapes import Surface
+from easyhecpp.sim.shapes import Surface, moved
+
+# A mirror that reflects nothing ends a path: at matt black, a ray to a lamp would still be traced.
+_BLACK = {
+    "type": "conductor",
+    "material": "none",
+    "specular_reflectance": {"type": "rgb", "value": 0.0},
+}
 
 # OpenCV's optical axes (x right, y down) seen from Mitsuba's (x left, y up).
 _FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -75,7 +83,9 @@ def _bsdf(material: Material) -> dict[str, Any]:
         u, v = material.repeat
         colour = {
             "type": "bitmap",
-            "bitmap": mi.Bitmap(np.ascontiguousarray(material.texture)),
+            # Linear beforehand: Mitsuba would take a power at every look-up of an 8-bit picture.
+            "bitmap": mi.Bitmap(to_linear(material.texture)),
+            "raw": True,
             "to_uv": mi.ScalarTransform4f().scale([u, v, 1.0]),
         }
     if material.metallic == 0.0 and material.coat == 0.0 and material.roughness >= 0.6:
@@ -124,7 +134,7 @@ def _glowing(T: np.ndarray, size: tuple[float, float], radiance: Any, weight: fl
         {
             "type": "rectangle",
             "to_world": mi.ScalarTransform4f(T @ stretch),
-            "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}},
+            "bsdf": _BLACK,
             "emitter": {"type": "area", "radiance": radiance, "sampling_weight": weight},
         }
     )
@@ -159,19 +169,12 @@ class Studio:
             self._still[f"panel{index}"] = self._panel(panel)
         for index, lamp in enumerate(surroundings.lamps):
             self._still[f"lamp{index}"] = self._lamp(lamp)
-        self._links: list[list[Any]] = []
-        for number, arm in enumerate(arms):
-            finishes: dict[int, Any] = {}
-            groups = []
-            for link, parts in enumerate(arm):
-                group: dict[str, Any] = {"type": "shapegroup"}
-                for k, (surface, material) in enumerate(parts):
-                    if id(material) not in finishes:
-                        finishes[id(material)] = mi.load_dict(_bsdf(material))
-                    name = f"arm{number}link{link}part{k}"
-                    group[name] = _mesh(name, surface, finishes[id(material)])
-                groups.append(mi.load_dict(group))
-            self._links.append(groups)
+        materials = {id(m): m for arm in arms for parts in arm for _, m in parts}
+        finishes = {key: mi.load_dict(_bsdf(m)) for key, m in materials.items()}
+        self._arms = [
+            [[(surface, finishes[id(material)]) for surface, material in parts] for parts in arm]
+            for arm in arms
+        ]
 
     @staticmethod
     def _sky(surroundings: Surroundings) -> Any:
@@ -226,17 +229,13 @@ class Studio:
             (H, W, 3) float32 linear radiance.
         """
         mi = mitsuba()
-        to_world = mi.ScalarTransform4f
         scene = dict(self._still, type="scene", integrator=_integrator(quality))
         scene["sensor"] = _sensor(camera, T_base_cam, quality)
-        for number, (groups, poses) in enumerate(zip(self._links, Ts_base_link, strict=True)):
-            for link, (group, T) in enumerate(zip(groups, poses, strict=True)):
-                scene[f"arm{number}group{link}"] = group
-                scene[f"arm{number}link{link}"] = {
-                    "type": "instance",
-                    "to_world": to_world(np.asarray(T, float)),
-                    "shapegroup": group,
-                }
+        for number, (arm, poses) in enumerate(zip(self._arms, Ts_base_link, strict=True)):
+            for link, (parts, T) in enumerate(zip(arm, poses, strict=True)):
+                for k, (surface, bsdf) in enumerate(parts):
+                    name = f"arm{number}link{link}part{k}"
+                    scene[name] = _mesh(name, moved(surface, T), bsdf)
         loaded = mi.load_dict(scene)
         if not quality.denoise:
             return np.array(mi.render(loaded, spp=quality.samples, seed=seed), np.float32)
