@@ -293,6 +293,24 @@ def test_overlay(folder: Path, calibrated: tuple[Ran, Path], tmp_path: Path) -> 
     assert cv2.imread(str(pictures[0])).shape == (360, 480, 3)
 
 
+def test_overlay_through_the_lens_that_was_refined(
+    folder: Path, calibrated: tuple[Ran, Path], tmp_path: Path
+) -> None:
+    facts = json.loads((calibrated[1] / "result.json").read_text())
+    facts["camera"].update(distortion_model="plumb_bob", distortion=[0.3, -0.2, 0.0, 0.0, 0.0])
+    drawn = []
+    for name, refined in (
+        ("stated", []),
+        ("refined", [{"name": "k1", "correction": 0.3, "sigma": 0.01, "unit": "coefficient"}]),
+    ):
+        facts["refined"] = refined
+        (tmp_path / f"{name}.json").write_text(json.dumps(facts))
+        assert run("overlay", folder, tmp_path / f"{name}.json", "--out", tmp_path / name).code == 0
+        drawn.append([cv2.imread(str(p)) for p in sorted((tmp_path / name).iterdir())])
+    outlines = [np.any(a != b) for a, b in zip(*drawn, strict=True)]
+    assert all(outlines)
+
+
 def test_overlay_of_a_result_without_a_pose(
     folder: Path, calibrated: tuple[Ran, Path], tmp_path: Path
 ) -> None:

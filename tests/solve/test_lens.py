@@ -65,6 +65,13 @@ def test_an_unstated_lens_is_asked_for_and_refined(scene: SimScene) -> None:
     assert np.linalg.eigvalsh(found.pose_covariance).min() > -1e-12
 
 
+def test_two_views_are_too_few_to_doubt_the_lens(scene: SimScene) -> None:
+    views = seen(scene, bent(scene.camera, 2.0 * LENS))
+    strain, _ = asked(scene, scene.camera, views[:2])
+    assert strain.n_views == 2
+    assert not strain.asked
+
+
 def test_the_stated_lens_is_left_alone(scene: SimScene) -> None:
     for stated in (scene.camera, bent(scene.camera, LENS)):
         strain, _ = asked(scene, stated, seen(scene, stated))

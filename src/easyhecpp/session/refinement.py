@@ -142,5 +142,6 @@ def lens_notes(stated: Camera, refined: Camera, estimate: PoseEstimate) -> tuple
     return (
         f"lens: camera_info states no distortion, but the outlines show some: k1 {k1:+.3f}, k2 "
         f"{k2:+.3f}, up to {np.nanmax(bends, initial=0.0):.1f} px where the arm is seen. The pose "
-        "goes with it; put it into camera_info, or calibrate the lens.",
+        "goes with it; take this lens into your camera_info (easyhecpp export RESULT camera-info "
+        "writes one), or calibrate it.",
     )

@@ -33,6 +33,9 @@ _CHANCE = 6.0
 hundred; of 45 simulated calibrations through a straight lens the largest was 4.5. A lens found in
 vain costs a wider error bar; one that is missed, millimetres that no error bar tells of."""
 
+_FEWEST_VIEWS = 3
+"""A mask's one large error, a shadow or a tool, looks like a lens to a view alone."""
+
 _POSE = 7
 
 
@@ -45,17 +48,19 @@ class LensStrain:
         covariance: ``(2, 2)`` of it.
         gain: Chi-square that it explains.
         by_focal: Chi-square that another focal length would explain in its place.
+        n_views: How many views say so.
     """
 
     k: F64
     covariance: F64
     gain: float
     by_focal: float
+    n_views: int
 
     @property
     def asked(self) -> bool:
         """Whether the outlines ask for another lens, and not for another focal length."""
-        return self.gain > max(_CHANCE, self.by_focal)
+        return self.n_views >= _FEWEST_VIEWS and self.gain > max(_CHANCE, self.by_focal)
 
 
 def bent(camera: Camera, k: F64) -> Camera:
@@ -110,5 +115,9 @@ def lens_strain(information: F64, vectors: F64, prior: F64, inflation: float) ->
     focal, _, _ = explained(_POSE)
     lens, k, covariance = explained(_POSE + 1, _POSE + 2)
     return LensStrain(
-        k, inflation * covariance, (lens - alone) / inflation, (focal - alone) / inflation
+        k=k,
+        covariance=inflation * covariance,
+        gain=(lens - alone) / inflation,
+        by_focal=(focal - alone) / inflation,
+        n_views=len(information),
     )

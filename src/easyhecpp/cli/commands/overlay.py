@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tyro.conf import Positional
@@ -38,6 +38,10 @@ class Overlay:
             )
         capture = Capture.load(self.capture)
         check_decodable(capture)
+        stated, taken = capture.camera, result.camera.to_camera()
+        if result.refined and (stated.width, stated.height) == (taken.width, taken.height):
+            # The pose holds for the refined intrinsics, not for those that were stated.
+            capture = replace(capture, camera=taken)
         written = write_overlays(self.out, capture, result.T_mount_cam.array)
         say(f"{len(written)} pictures written to {self.out}/")
         return 0
