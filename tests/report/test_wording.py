@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 from report_case import REASON, result_of, solved, without_pose
 
+from easyhecpp.formats.result_blocks import RefinedParameter
 from easyhecpp.report.wording import flag_text, split_reasons, verdict_text
 
 
@@ -46,6 +47,22 @@ def test_a_failure_without_a_pose_gives_no_numbers():
     assert text.headline == "No pose was found."
     assert text.why == ("The masks are empty.",)
     assert text.advice == ("Check the folder masks/.",)
+
+
+def test_refined_intrinsics_are_told_and_to_be_used():
+    case = solved()
+    assert case.estimate is not None
+    lens = RefinedParameter(name="k1", correction=0.1109, sigma=0.01, unit="coefficient")
+    joint = RefinedParameter(name="joint4", correction=-0.004, sigma=0.001, unit="rad or m")
+    plain, bent, turned = (
+        verdict_text(result_of(case.capture, case.estimate, verdict="ok", refined=refined))
+        for refined in ((), (lens,), (joint,))
+    )
+    assert "Refined with the pose: k1 by +0.111." in bent.why
+    assert any("export RESULT camera-info" in line for line in bent.advice)
+    assert "Refined with the pose: joint4 by -0.004." in turned.why
+    assert not any("camera-info" in line for line in (*plain.advice, *turned.advice))
+    assert not any("Refined" in line for line in plain.why)
 
 
 def test_flags_of_one_word_are_explained_and_sentences_kept():

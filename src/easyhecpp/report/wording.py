@@ -40,6 +40,11 @@ _OK_NEXT = (
     "Calibrate again when the camera or the robot's base has been moved, or when the camera's "
     "resolution or focus has changed.",
 )
+_INTRINSICS = ("focal", "cx", "cy", "k1", "k2")
+_TAKE_INTRINSICS = (
+    "Use the refined intrinsics wherever you use the pose: `easyhecpp export RESULT camera-info` "
+    "writes them."
+)
 _LOOK = "Look at the outlines below, the flagged views first: does the pink line follow the arm?"
 
 
@@ -68,6 +73,8 @@ def verdict_text(result: ResultFile) -> VerdictText:
     if result.T_mount_cam is None:
         headline = NO_POSE
     why, advice = split_reasons(result.reasons)
+    if any(p.name in _INTRINSICS for p in result.refined):
+        advice += (_TAKE_INTRINSICS,)
     if result.verdict == "ok":
         advice += _OK_NEXT
     elif result.T_mount_cam is not None:
@@ -122,6 +129,9 @@ def _numbers(result: ResultFile) -> tuple[str, ...]:
     if overlaps:
         views += f"; rendered arm and masks overlap by {_share(min(overlaps), max(overlaps))}"
     facts = [f"{views}."]
+    if result.refined:
+        refined = ", ".join(f"{p.name} by {p.correction:+.3g}" for p in result.refined)
+        facts.append(f"Refined with the pose: {refined}.")
     # A pose that failed is off by more than any residual tells: its sigma would mislead.
     if result.sigma is not None and result.verdict != "failed":
         camera, arm = (
