@@ -50,10 +50,11 @@ def test_predicted_errors_are_the_true_ones() -> None:
         position / np.sqrt(forecast.inflation),
         rotation / np.sqrt(forecast.inflation),
     )
+    # The ratio is 1.8 to 1.9; of twelve draws it varies by a tenth from machine to machine.
     errors = np.array(
         [
             pose_error(estimate(s, [0, 1, 2, 3], seed).T_mount_cam, s.T_base_cam)
-            for seed in range(12)
+            for seed in range(24)
         ]
     )
     mm = 1e3 * np.sqrt(np.mean(errors[:, 0] ** 2))
