@@ -116,14 +116,14 @@ class EdgeFit:
         spacing_px: float,
         trust: F64,
         *,
-        steps: int = 2,
+        steps: int,
     ) -> EdgeFit | None:
         """Solve from a pose that is all but right; None when too few edges are found."""
         fit = cls._stated(reader, T_mount_cam, reach_px, spacing_px, trust)
         for _ in range(steps):
             if fit is None:
                 break
-            fit = cls._stated(reader, fit._moved(fit.step), reach_px, spacing_px, trust)
+            fit = cls._stated(reader, fit.settled(), reach_px, spacing_px, trust)
         return fit
 
     @classmethod
@@ -186,6 +186,10 @@ class EdgeFit:
 
     def _moved(self, step: F64) -> F64:
         return inverse(perturb_about(inverse(self.T_mount_cam), self.centre_cam, step))
+
+    def settled(self) -> F64:
+        """``(4, 4)`` pose that the edges ask for."""
+        return self._moved(self.step)
 
     def with_lens(self) -> F64:
         """``(4, 4)`` pose that goes with the lens that the edges ask for."""

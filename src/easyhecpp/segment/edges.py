@@ -30,8 +30,8 @@ _CELL_PX = 40.0
 
 _UNKNOWNS, _MOST_ALLOWED = 7, 0.1
 
-_LENS_STEPS = (0, 2)
-"""Steps of the pose after each of the lens: edges found through a better lens tell more of it."""
+_LENS_STEPS = 2
+"""Edges found through a better lens tell more of it."""
 
 
 @dataclass(frozen=True)
@@ -106,13 +106,13 @@ def refine_edges(
     T = start.T_mount_cam
     for reach in config.reaches_px:
         T = _descend(reader, T, reach, config, trust)
-    fit = EdgeFit.at(reader, T, config.reaches_px[-1], config.spacing_px, trust)
-    if fit is None:
+    found = _fitted(reader, T, config, trust)
+    if found is None:
         return EdgeRefinement(
             start, False, "Too few edges of the arm were found in the images.",
             1.0, 1.0, reader.support(start.T_mount_cam), scene.camera,
         )  # fmt: skip
-    bends, fitted = _with_lens(reader, fit, config, trust)
+    bends, fitted = found
     unseen = _held_out(reader, start.T_mount_cam, bends, fitted, config, trust)
     accepted = unseen.better
     names = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(scene)))
@@ -128,25 +128,28 @@ def refine_edges(
     )  # fmt: skip
 
 
-def _with_lens(
-    reader: EdgeReader, fit: EdgeFit, config: EdgeConfig, trust: F64
-) -> tuple[EdgeReader, EdgeFit]:
-    """The fit through the lens that the edges ask for; as it was where they ask for none.
+def _fitted(
+    reader: EdgeReader, T_mount_cam: F64, config: EdgeConfig, trust: F64
+) -> tuple[EdgeReader, EdgeFit] | None:
+    """The settled fit, and a reader through its lens: the stated one, or what the edges ask for.
 
     A lens that is stated with distortion has been measured, and stays as it is.
     """
-    if reader.scene.camera.is_distorted or not fit.lens.asked:
-        return reader, fit
-    bends, found = reader, fit
-    for steps in _LENS_STEPS:
-        bends = bends.through(bent(bends.scene.camera, found.lens.k))
-        again = EdgeFit.at(
-            bends, found.with_lens(), config.reaches_px[-1], config.spacing_px, trust, steps=steps
-        )
-        if again is None:
-            return reader, fit
-        found = again
-    return bends, found.with_lens_doubt()
+    reach, spacing = config.reaches_px[-1], config.spacing_px
+    fit = EdgeFit.at(reader, T_mount_cam, reach, spacing, trust, steps=0)
+    if fit is None:
+        return None
+    bends = reader
+    if not reader.scene.camera.is_distorted and fit.lens.asked:
+        for _ in range(_LENS_STEPS):
+            bends = bends.through(bent(bends.scene.camera, fit.lens.k))
+            fit = EdgeFit.at(bends, fit.with_lens(), reach, spacing, trust, steps=0)
+            if fit is None:
+                return None
+    fit = EdgeFit.at(bends, fit.settled(), reach, spacing, trust, steps=1)
+    if fit is None:
+        return None
+    return bends, fit if bends is reader else fit.with_lens_doubt()
 
 
 @dataclass(frozen=True)
