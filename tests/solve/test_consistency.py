@@ -12,7 +12,7 @@ from easyhecpp.bench.trust_scenes import build_case
 from easyhecpp.geometry import exp_se3, inverse
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.session.verdict import judge
-from easyhecpp.solve.consistency import Findings, solve_consistent
+from easyhecpp.solve.consistency import Findings, retested, solve_consistent
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.reasons import FEW_CONTOUR
@@ -152,6 +152,29 @@ def test_wrong_focal_length_strains_the_residuals(good, good_answer):
     verdict = judge(estimate, findings, good.rig, wrong)
     assert verdict.verdict != "ok"
     assert any("intrinsics" in reason for reason in verdict.reasons)
+
+
+def test_a_better_camera_takes_the_strain_away_and_leaves_the_views_as_they_were(good, good_answer):
+    estimate, findings = good_answer
+    wrong = replace(good.camera, fx=good.camera.fx * 1.05, fy=good.camera.fy * 1.05)
+    start = good.T_mount_cam @ exp_se3(START)
+    _, strained = solve_consistent(good.rig, wrong, good.observations, start)
+    assert abs(strained.strains[0].z) > 3.0
+    T = estimate.T_mount_cam
+    mended = retested(strained, good.rig, good.camera, good.observations, T)
+    assert mended.views == strained.views
+    assert mended.strains == findings.strains
+
+
+def test_views_left_out_are_not_tested(good, good_answer):
+    estimate, findings = good_answer
+    without = replace(findings.views[1], consistent=False)
+    fewer = replace(findings, views=(findings.views[0], without, *findings.views[2:]))
+    T = estimate.T_mount_cam
+    found = retested(fewer, good.rig, good.camera, good.observations, T)
+    rest = [o for i, o in enumerate(good.observations) if i != 1]
+    expected, _ = strains(PoseProblem(good.rig, good.camera, rest), inverse(T))
+    assert found.strains == expected
 
 
 def test_point_sigma_agrees_with_sampling():

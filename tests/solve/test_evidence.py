@@ -7,6 +7,7 @@ import pytest
 from small_arm import observe, scene
 
 from easyhecpp.render import SilhouetteRenderer
+from easyhecpp.solve._evidence_kernel import compare, covered_box
 from easyhecpp.solve.evidence import MaskPyramid, gather, sample, signed_distance
 
 
@@ -34,8 +35,31 @@ def test_signed_distance_without_an_outline(value: float, sign: float) -> None:
 def test_samples_are_bilinear_about_pixel_centres() -> None:
     image = np.add.outer(10.0 * np.arange(5), np.arange(7)).astype(np.float32)
     points = np.array([[2.0, 3.0], [2.5, 3.0], [2.25, 1.5], [-3.0, 0.0], [9.0, 9.0]])
-    np.testing.assert_allclose(sample(image, points), [32.0, 32.5, 17.25, 0.0, 46.0], atol=0.05)
+    np.testing.assert_allclose(sample(image, points), [32.0, 32.5, 17.25, 0.0, 46.0], atol=1e-5)
     assert sample(image, np.zeros((0, 2))).shape == (0,)
+
+
+@pytest.mark.parametrize("cut", [False, True])
+def test_the_compiled_comparison_agrees_with_numpy(cut: bool) -> None:
+    rng = np.random.default_rng(5)
+    mask, rendered, usable = rng.random((3, 20, 30)).astype(np.float32)
+    rendered *= np.add.outer(np.arange(20) % 19 > 2, np.zeros(30)) * (np.arange(30) > 6)
+    assert covered_box(rendered) == (3, 18, 7, 29)
+    assert covered_box(np.zeros((4, 5), np.float32)) == (4, -1, 5, -1)
+    window = (slice(2, 19), slice(4, 30))
+    shown = (rendered > 0.5).astype(np.float32) if cut else rendered
+    for weight in (usable, np.zeros((0, 0), np.float32)):
+        difference = np.full((17, 26), np.nan, np.float32)
+        found = compare(mask, rendered, weight, 2, 4, cut, difference)
+        expected = (mask - shown) * (weight if weight.size else 1.0)
+        np.testing.assert_allclose(difference, expected[window], atol=1e-6)
+        areas = [
+            np.square(expected[window]).sum(),
+            np.minimum(mask, shown)[window].sum(),
+            shown[window].sum(),
+            mask[window].sum(),
+        ]
+        np.testing.assert_allclose(found, areas, rtol=1e-5)
 
 
 def look(reduction: int, shift_px: float = 0.0, ignore: np.ndarray | None = None):

@@ -202,7 +202,7 @@ class _SeedScorer:
         views = _unlike_views(problem.Ts_mount_link, n_views)
         self._renderer: SilhouetteRenderer = problem.renderer(reduction)
         self._poses = np.ascontiguousarray(problem.Ts_mount_link[views])
-        self._masks = np.stack([problem.masks[v].level(reduction)[0] for v in views])
+        self._masks = np.stack([problem.masks[v].level(reduction).mask for v in views])
         self._observed = np.array([overlap(m, m)[:3] for m in self._masks])
         self._centre = problem.centre_mount
 

@@ -47,6 +47,7 @@ KERNEL_FILES = (
     "segment/classical/search.py",
     "sim/denoise.py",
     "sim/lens.py",
+    "solve/_evidence_kernel.py",
 )
 """Files of the package that hold compiled code, or constants that it uses."""
 

@@ -115,22 +115,11 @@ class EdgeFit:
         reach_px: float,
         spacing_px: float,
         trust: F64,
-        *,
-        steps: int,
     ) -> EdgeFit | None:
-        """Solve from a pose that is all but right; None when too few edges are found."""
-        fit = cls._stated(reader, T_mount_cam, reach_px, spacing_px, trust)
-        for _ in range(steps):
-            if fit is None:
-                break
-            fit = cls._stated(reader, fit.settled(), reach_px, spacing_px, trust)
-        return fit
+        """What the edges about a pose that is all but right say of it, and of the step to a better.
 
-    @classmethod
-    def _stated(
-        cls, reader: EdgeReader, T_mount_cam: F64, reach_px: float, spacing_px: float, trust: F64
-    ) -> EdgeFit | None:
-        """What the edges about a pose say of it, and of the step to a better one."""
+        None when too few edges are found.
+        """
         scene = reader.scene
         T = inverse(T_mount_cam)
         centre = scene.centre_cam(T)
@@ -145,7 +134,7 @@ class EdgeFit:
         if sum(len(p) for p in points) < FEWEST // 3:
             return None
         sources = Sources.fitted(points, trust)
-        left = [sources.removed(p) for p in points]
+        left = parallel_map(sources.removed, points)
         noise = fit_noise(left, trust, _BLUR_PX)
         whole, sides = _information(points, noise, sources, trust, scene.camera)
         count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
@@ -193,7 +182,7 @@ class EdgeFit:
 
     def with_lens(self) -> F64:
         """``(4, 4)`` pose that goes with the lens that the edges ask for."""
-        return self._moved(self.by_lens @ self.lens.k)
+        return self._moved(self.step + self.by_lens @ self.lens.k)
 
     def with_lens_doubt(self) -> EdgeFit:
         """The same, the lens having been refined too: what is not known of it widens the bar."""

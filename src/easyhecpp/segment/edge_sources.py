@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp.render import Contour
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, COLOUR
 from easyhecpp.segment.edge_reading import EdgeReading
@@ -103,22 +104,10 @@ class Sources:
             views: Points of each view.
             trust: ``(V,)`` weight of each view; one of weight 0 has no say.
         """
-        normal, right = np.zeros((2, 2)), np.zeros(2)
-        for view, weight in zip(views, trust, strict=True):
-            if len(view) < 2 or weight <= 0.0:
-                continue
-            p = view.points.points
-            square = np.sum(p * p, axis=1)
-            apart = square[:, None] + square[None] - 2.0 * (p @ p.T) > _APART_PX**2
-            moving = ~view.still
-            apart &= moving[:, None] & moving[None]
-            kernels = np.stack([_link_kernel(view), (view.joints @ view.joints.T) * _JOINT_UNIT**2])
-            kernels = kernels[:, apart]
-            # Large products come from the same few large errors: weigh by what is expected of them.
-            expected = 1.0 + np.sqrt(np.sum(np.square(kernels), axis=0))
-            product = np.outer(view.points.residuals, view.points.residuals)[apart]
-            normal += (kernels / expected) @ (kernels / expected).T
-            right += (kernels / expected) @ (product / expected)
+        counted = [v for v, w in zip(views, trust, strict=True) if w > 0.0 and len(v) > 1]
+        parts = parallel_map(_distant_products, counted)
+        normal = sum((p[0] for p in parts), np.zeros((2, 2)))
+        right = sum((p[1] for p in parts), np.zeros(2))
         if not normal.any():
             return cls(0.0, 0.0)
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-12))
@@ -134,6 +123,23 @@ class Sources:
         K = self.covariance(view)
         local = K + np.eye(len(p)) * max(1.0, float(np.median(np.square(p.residuals)))) * 4.0
         return replace(p, residuals=p.residuals - K @ np.linalg.solve(local, p.residuals))
+
+
+def _distant_products(view: EdgePoints) -> tuple[F64, F64]:
+    """Normal equations ``(2, 2)`` and ``(2,)`` of the two variances, from points far apart."""
+    p = view.points.points
+    square = np.sum(p * p, axis=1)
+    apart = square[:, None] + square[None] - 2.0 * (p @ p.T) > _APART_PX**2
+    moving = ~view.still
+    # A pair and its mirror image say the same.
+    apart &= np.triu(moving[:, None] & moving[None])
+    kernels = np.stack([_link_kernel(view), (view.joints @ view.joints.T) * _JOINT_UNIT**2])
+    kernels = kernels[:, apart]
+    # Large products come from the same few large errors: weigh by what is expected of them.
+    expected = 1.0 + np.sqrt(np.sum(np.square(kernels), axis=0))
+    product = np.outer(view.points.residuals, view.points.residuals)[apart]
+    scaled = kernels / expected
+    return scaled @ scaled.T, scaled @ (product / expected)
 
 
 def _link_kernel(points: EdgePoints) -> F64:

@@ -30,6 +30,9 @@ _CELL_PX = 40.0
 
 _UNKNOWNS, _MOST_ALLOWED = 7, 0.1
 
+_SETTLED = 0.007
+"""Share of the reach that a step may still move the contour by."""
+
 _LENS_STEPS = 2
 """Edges found through a better lens tell more of it."""
 
@@ -136,20 +139,20 @@ def _fitted(
     A lens that is stated with distortion has been measured, and stays as it is.
     """
     reach, spacing = config.reaches_px[-1], config.spacing_px
-    fit = EdgeFit.at(reader, T_mount_cam, reach, spacing, trust, steps=0)
+    bends, T = reader, T_mount_cam
+    fit = EdgeFit.at(bends, T, reach, spacing, trust)
+    bend = fit is not None and not reader.scene.camera.is_distorted and fit.lens.asked
+    for _ in range(_LENS_STEPS if bend else 1):
+        if fit is None:
+            return None
+        T = fit.settled()
+        if bend:
+            bends, T = bends.through(bent(bends.scene.camera, fit.lens.k)), fit.with_lens()
+        fit = EdgeFit.at(bends, T, reach, spacing, trust)
+    fit = None if fit is None else EdgeFit.at(bends, fit.settled(), reach, spacing, trust)
     if fit is None:
         return None
-    bends = reader
-    if not reader.scene.camera.is_distorted and fit.lens.asked:
-        for _ in range(_LENS_STEPS):
-            bends = bends.through(bent(bends.scene.camera, fit.lens.k))
-            fit = EdgeFit.at(bends, fit.with_lens(), reach, spacing, trust, steps=0)
-            if fit is None:
-                return None
-    fit = EdgeFit.at(bends, fit.settled(), reach, spacing, trust, steps=1)
-    if fit is None:
-        return None
-    return bends, fit if bends is reader else fit.with_lens_doubt()
+    return bends, fit.with_lens_doubt() if bend else fit
 
 
 @dataclass(frozen=True)
@@ -204,7 +207,7 @@ def _descend(
         H[6, 6] += w.sum() * 0.1
         step = np.linalg.solve(H, A.T @ (w * r))[:6]
         T = perturb_about(T, scene.centre_cam(T), step)
-        if float(np.sqrt(np.mean(np.square(J @ step)))) < 0.02:
+        if float(np.sqrt(np.mean(np.square(J @ step)))) < _SETTLED * reach:
             break
     return inverse(T)
 

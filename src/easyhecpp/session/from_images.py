@@ -20,7 +20,7 @@ from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.refinement import Refined, through_lens
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
-from easyhecpp.solve.consistency import Findings, ViewFinding, solve_consistent
+from easyhecpp.solve.consistency import Findings, ViewFinding, retested, solve_consistent
 from easyhecpp.solve.reasons import FEW_CONTOUR
 from easyhecpp.solve.strains import Strain
 from easyhecpp.solve.types import ContourFit, ViewFit
@@ -149,8 +149,16 @@ def refine_on_edges(
         )
         capture, corrections = through_lens(capture, found)
         findings = outcome.findings
-        if corrections:
+        if corrections and out:
             findings = _findings(capture, outcome.masks, found.estimate, config)
+        elif corrections:
+            findings = retested(
+                findings,
+                capture.rig,
+                capture.camera,
+                observations_of(capture, outcome.masks),
+                found.estimate.T_mount_cam,
+            )
     outcome = replace(
         outcome,
         estimate=_in_order(found.estimate, used, outcome.estimate),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
 from easyhecpp.rig import Rig
 from easyhecpp.solve.correlation import average_samples, fit_noise
@@ -72,12 +73,12 @@ def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F6
     joints = np.stack([o.joints for o in problem.observations])
     twists = joint_twists(problem.rig, joints, T_cam_mount, problem.centre_cam(T_cam_mount))
     size = POSE + len(names_of(problem.rig))
-    N, b = [np.zeros((0, size, size))], [np.zeros((0, size))]
     repeats = Repeats.among(points, problem.weights)
     shared = repeats.shared([p.residuals for p in points])
-    for view, (p, others) in enumerate(zip(points, repeats.others(), strict=True)):
-        if problem.weights[view] <= 0.0 or not len(p):
-            continue
+    others = repeats.others()
+
+    def one(view: int) -> tuple[F64, F64]:
+        p = points[view]
         own = np.column_stack(
             [
                 intrinsic_columns(problem.camera, p.points, p.normals),
@@ -85,13 +86,18 @@ def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F6
             ]
         )
         A = np.column_stack([noise.design(p), noise.gain * own])
-        scale = np.sqrt(1.0 + shared * others)
+        scale = np.sqrt(1.0 + shared * others[view])
         C = noise.covariance(p, view) * (scale[:, None] * scale)
         factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, A, check_finite=False)
-        N.append((A.T @ CA)[None])
-        b.append((CA.T @ p.residuals)[None])
-    return np.concatenate(N), np.concatenate(b)
+        return A.T @ CA, CA.T @ p.residuals
+
+    parts = parallel_map(
+        one, [v for v, p in enumerate(points) if problem.weights[v] > 0.0 and len(p)]
+    )
+    if not parts:
+        return np.zeros((0, size, size)), np.zeros((0, size))
+    return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])
 
 
 def summed(views: F64, sides: F64) -> tuple[F64, F64]:

@@ -19,7 +19,7 @@ from easyhecpp.rig import Rig
 from easyhecpp.solve.agreement import Agreement, agreement, pixel_unit, subproblem
 from easyhecpp.solve.leave_out import Prediction, leave_one_out
 from easyhecpp.solve.lens import LensStrain
-from easyhecpp.solve.optimise import solve_pose
+from easyhecpp.solve.optimise import solve_prepared
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.reasons import FEW_CONTOUR, FEW_CONTOUR_PX, reason_for
 from easyhecpp.solve.strains import Strain, strains
@@ -104,7 +104,7 @@ def solve_consistent(
     near = replace(config, start_error_px=min(config.start_error_px, 8.0))
     starts = list(np.asarray(T_mount_cam_init, np.float64).reshape(-1, 4, 4))
     problem = PoseProblem(rig, camera, observations)
-    estimate = solve_pose(rig, camera, observations, starts[0], config)
+    estimate = solve_prepared(problem, starts[0], config)
     everything = np.ones(len(observations), bool)
     kept = everything
     searched = contradictory = False
@@ -117,29 +117,26 @@ def solve_consistent(
             contradictory = True
         elif not found.views.all():
             kept, searched = found.views, True
-            estimate = _solve_on(kept, rig, camera, observations, inverse(found.T_cam_mount), near)
+            estimate = _solve_on(kept, problem, inverse(found.T_cam_mount), near)
     for _ in range(_ROUNDS if not contradictory else 0):
         seen = agreement(problem, inverse(estimate.T_mount_cam))
         now = _kept(problem, seen, leave_one_out(estimate), kept)
         if (now == kept).all() or now.sum() < min(2, len(now)):
             break
         kept = now
-        estimate = _solve_on(kept, rig, camera, observations, estimate.T_mount_cam, near)
+        estimate = _solve_on(kept, problem, estimate.T_mount_cam, near)
     return _named(problem, estimate, kept, searched, contradictory)
 
 
 def _solve_on(
-    kept: Flags,
-    rig: Rig,
-    camera: Camera,
-    observations: Sequence[Observation],
-    T_mount_cam: F64,
-    config: SolveConfig,
+    kept: Flags, problem: PoseProblem, T_mount_cam: F64, config: SolveConfig
 ) -> PoseEstimate:
     weighted = [
-        o if keep else replace(o, weight=0.0) for o, keep in zip(observations, kept, strict=True)
+        o if keep else replace(o, weight=0.0)
+        for o, keep in zip(problem.observations, kept, strict=True)
     ]
-    return solve_pose(rig, camera, weighted, T_mount_cam, config)
+    some = PoseProblem(problem.rig, problem.camera, weighted, problem.masks)
+    return solve_prepared(some, T_mount_cam, config)
 
 
 def _is_an_average(problem: PoseProblem, seen: Agreement) -> bool:
@@ -210,8 +207,35 @@ def _named(
         findings.append(ViewFinding(view.id, bool(kept[i]), flags, sentence))
         views.append(replace(view, flags=flags, prediction_px=p.rms_px))
     found = Findings(tuple(findings), searched, contradictory)
-    some = [int(v) for v in np.flatnonzero(kept)]
-    if some:
-        parameters, lens = strains(subproblem(problem, some), T_cam_mount)
-        found = replace(found, strains=parameters, lens=lens)
-    return replace(estimate, views=tuple(views)), found
+    return replace(estimate, views=tuple(views)), _tested(found, problem, T_cam_mount)
+
+
+def retested(
+    findings: Findings,
+    rig: Rig,
+    camera: Camera,
+    observations: Sequence[Observation],
+    T_mount_cam: F64,
+) -> Findings:
+    """The findings with intrinsics and joint zeros tested through another camera.
+
+    Which views agree is taken over: a better camera makes none of them disagree.
+
+    Args:
+        findings: Of these views, by their names, and maybe of others.
+        rig: Robot and set-up.
+        camera: Intrinsics to be tested.
+        observations: The views with their masks.
+        T_mount_cam: ``(4, 4)`` pose that goes with the camera, within a few pixels of the masks.
+    """
+    return _tested(findings, PoseProblem(rig, camera, observations), inverse(T_mount_cam))
+
+
+def _tested(findings: Findings, problem: PoseProblem, T_cam_mount: F64) -> Findings:
+    """The findings with the strains of the views that agree."""
+    agree = {view.id for view in findings.views if view.consistent}
+    some = [i for i, o in enumerate(problem.observations) if (o.id or str(i)) in agree]
+    if not some:
+        return findings
+    parameters, lens = strains(subproblem(problem, some), T_cam_mount)
+    return replace(findings, strains=parameters, lens=lens)

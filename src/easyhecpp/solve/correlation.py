@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp.solve.evidence import Evidence
 
 F64 = NDArray[np.float64]
@@ -171,31 +172,17 @@ def fit_noise(
         taken: Per view a factor ``(N, 7)`` of the covariance that the fit took out of them.
     """
     scale = _view_scales(views, trust)
-    products = np.zeros(len(_LAG_EDGES_PX) - 1)
-    kernels = np.zeros((len(_LAG_EDGES_PX) - 1, len(LENGTHS_PX)))
-    counts = np.zeros(len(_LAG_EDGES_PX) - 1)
-    power, n_points = 0.0, 0
-    for view, (points, s, weight) in enumerate(zip(views, scale, trust, strict=True)):
-        if weight <= 0.0 or len(points) < 2:
-            continue
-        r = points.residuals / s
-        distance, facing = _pair_geometry(points)
-        i, j = np.nonzero(np.triu((distance < _LAG_EDGES_PX[-1]) & (facing > 0.75), k=1))
-        d, f = distance[i, j], facing[i, j]
-        lag = np.clip(np.searchsorted(_LAG_EDGES_PX, d, side="right") - 1, 0, len(counts) - 1)
-        product = r[i] * r[j]
-        power += float(r @ r)
-        if taken is not None:
-            L = taken[view] / s
-            product = product + np.einsum("nk,nk->n", L[i], L[j])
-            power += float(np.square(L).sum())
-        products += np.bincount(lag, product, minlength=len(counts))
-        counts += np.bincount(lag, minlength=len(counts))
-        for k, length in enumerate(LENGTHS_PX):
-            kernels[:, k] += np.bincount(lag, f * np.exp(-d / length), minlength=len(counts))
-        n_points += len(r)
-    if n_points == 0:
+    counted = [v for v, p in enumerate(views) if trust[v] > 0.0 and len(p) > 1]
+    if not counted:
         return NoiseModel(np.zeros(len(LENGTHS_PX)), 1.0, scale)
+    each = parallel_map(
+        lambda v: _pair_products(views[v], scale[v], None if taken is None else taken[v]), counted
+    )
+    products = np.sum([p[0] for p in each], axis=0)
+    counts = np.sum([p[1] for p in each], axis=0)
+    kernels = np.sum([p[2] for p in each], axis=0)
+    power = sum(p[3] for p in each)
+    n_points = sum(len(views[v]) for v in counted)
     used = counts > 0
     # Short lags carry the shape, long lags the many pairs: weight by the root of the count.
     weight = np.sqrt(np.sqrt(counts[used]))
@@ -210,6 +197,42 @@ def fit_noise(
         max(mean_power - variances.sum(), 1e-4),
         scale,
         _gain(_pooled_power(views, trust), smoothing_px),
+    )
+
+
+def _pair_products(
+    points: ContourPoints, scale: float, taken: F64 | None
+) -> tuple[F64, F64, F64, float]:
+    """Of the pairs of a view's points, by the distance between them (``K`` lags).
+
+    Args:
+        points: Of the view.
+        scale: Standard deviation of its errors relative to all views.
+        taken: See `fit_noise`.
+
+    Returns:
+        Sum ``(K,)`` of the products of their residuals, number ``(K,)`` of pairs, sum
+        ``(K, len(LENGTHS_PX))`` of the correlations that each length would give, and the sum of the
+        residuals' squares.
+    """
+    n_lags = len(_LAG_EDGES_PX) - 1
+    r = points.residuals / scale
+    distance, facing = _pair_geometry(points)
+    i, j = np.nonzero(np.triu((distance < _LAG_EDGES_PX[-1]) & (facing > 0.75), k=1))
+    d, f = distance[i, j], facing[i, j]
+    lag = np.clip(np.searchsorted(_LAG_EDGES_PX, d, side="right") - 1, 0, n_lags - 1)
+    product = r[i] * r[j]
+    power = float(r @ r)
+    if taken is not None:
+        L = taken / scale
+        product = product + np.einsum("nk,nk->n", L[i], L[j])
+        power += float(np.square(L).sum())
+    kernels = [np.bincount(lag, f * np.exp(-d / length), n_lags) for length in LENGTHS_PX]
+    return (
+        np.asarray(np.bincount(lag, product, n_lags), np.float64),
+        np.asarray(np.bincount(lag, minlength=n_lags), np.float64),
+        np.stack(kernels, axis=1).astype(np.float64),
+        power,
     )
 
 

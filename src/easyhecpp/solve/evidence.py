@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.render import Contour, SilhouetteRenderer
+from easyhecpp.solve._evidence_kernel import bilinear, compare, covered_box
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 _SQRT_2PI = float(np.sqrt(2.0 * np.pi))
+_ALL_COUNT = np.zeros((0, 0), np.float32)
 
 
 def signed_distance(mask: F32) -> F32:
@@ -45,13 +47,29 @@ def signed_distance(mask: F32) -> F32:
 
 def sample(image: F32, points: F64) -> F64:
     """Bilinear samples of ``(H, W)`` at pixel positions ``(N, 2)``; clamped at the image's edge."""
-    if len(points) == 0:
-        return np.zeros(0)
-    # remap takes at most 32767 rows of output; contours are far shorter.
-    xy = points.astype(np.float32).reshape(-1, 1, 2)
-    x, y = np.ascontiguousarray(xy[..., 0]), np.ascontiguousarray(xy[..., 1])
-    values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(values, np.float64)[:, 0]
+    return _sample(image, points, 0, 0)
+
+
+def _sample(image: F32, points: F64, left: int, top: int) -> F64:
+    """The same for an image whose first pixel lies at ``(left, top)``."""
+    out = np.empty(len(points))
+    bilinear(image, points, float(left), float(top), out)
+    return out
+
+
+@dataclass(frozen=True)
+class MaskLevel:
+    """A mask at one size.
+
+    Attributes:
+        mask: ``(H, W)`` in [0, 1].
+        usable: ``(H, W)`` share of each pixel that counts, or None when all do.
+        area: Of the mask, pixels.
+    """
+
+    mask: F32
+    usable: F32 | None
+    area: float
 
 
 class MaskPyramid:
@@ -67,15 +85,17 @@ class MaskPyramid:
         self.distance = signed_distance(self.full)
         self.is_hard = mask.dtype == np.bool_
         self.ignore = None if ignore is None or not ignore.any() else ignore
-        self._levels: dict[int, tuple[F32, F32 | None]] = {}
+        self._levels: dict[int, MaskLevel] = {}
 
-    def level(self, reduction: int) -> tuple[F32, F32 | None]:
-        """The mask, and the share of usable pixels (None when all), reduced by ``reduction``."""
+    def level(self, reduction: int) -> MaskLevel:
+        """The mask reduced in size by ``reduction``."""
         if reduction not in self._levels:
+            mask = _reduce(self.full, reduction)
             usable = None if self.ignore is None else 1.0 - self.ignore.astype(np.float32)
-            self._levels[reduction] = (
-                _reduce(self.full, reduction),
+            self._levels[reduction] = MaskLevel(
+                mask,
                 None if usable is None else _reduce(usable, reduction),
+                float(mask.sum(dtype=np.float64)),
             )
         return self._levels[reduction]
 
@@ -135,30 +155,24 @@ def gather(
             residuals out (they are zero then).
         spacing: Distance of the samples, pixels of the level.
     """
-    mask, usable = view.level(reduction)
+    observed = view.level(reduction)
     contour, coverage = renderer.contour(Ts_cam_link, centre_cam, spacing=spacing)
-    rows, columns = _window(contour, coverage, int(np.ceil(4 * smoothing_px)) + 2)
-    rendered = coverage[rows, columns]
-    if view.is_hard and reduction == 1:
-        # Cut the rendered mask as the observed one was cut: then what a threshold does to an edge
-        # is in both and cancels, instead of being noise of a tenth of a pixel.
-        rendered = (rendered > 0.5).astype(np.float32)
-    difference = mask[rows, columns] - rendered
-    observed_area = float(mask.sum())
-    beyond = observed_area - float(mask[rows, columns].sum())
-    if usable is not None:
-        difference = difference * usable[rows, columns]
-    both = float(np.minimum(mask[rows, columns], rendered).sum())
-    union = observed_area + float(rendered.sum()) - both
+    rows, columns = _window(coverage, int(np.ceil(4 * smoothing_px)) + 2)
+    usable = _ALL_COUNT if observed.usable is None else observed.usable
+    difference = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+    # Cut the rendered mask as the observed one was cut: then what a threshold does to an edge is
+    # in both and cancels, instead of being noise of a tenth of a pixel.
+    cut = view.is_hard and reduction == 1
+    squares, both, shown, seen = compare(
+        observed.mask, coverage, usable, rows.start, columns.start, cut, difference
+    )
+    beyond = observed.area - seen
+    union = observed.area + shown - both
     residuals = np.zeros(len(contour))
     if smoothing_px > 0.0:
         smooth = cv2.GaussianBlur(difference, (0, 0), smoothing_px, borderType=cv2.BORDER_REPLICATE)
-        corner = np.array([columns.start, rows.start], np.float64)
-        residuals = (
-            _SQRT_2PI
-            * smoothing_px
-            * sample(np.asarray(smooth, np.float32), contour.points - corner)
-        )
+        step = _sample(smooth, contour.points, columns.start, rows.start)  # type: ignore[arg-type]
+        residuals = _SQRT_2PI * smoothing_px * step
     points = (contour.points + 0.5) * reduction - 0.5
     keep = slice(None)
     if view.ignore is not None:
@@ -169,29 +183,29 @@ def gather(
         contour.points[keep], contour.normals[keep], contour.links[keep],
         contour.jacobians[keep], contour.points_cam[keep], contour.spacing,
     )  # fmt: skip
+    points = points[keep]
     return Evidence(
         contour=kept,
-        points=points[keep],
+        points=points,
         jacobians=kept.jacobians * reduction,
         residuals=residuals[keep] * reduction,
-        distances=sample(view.distance, points[keep]),
+        distances=sample(view.distance, points),
         length=contour.spacing * reduction,
-        mismatch=(float(np.square(difference).sum()) + beyond) * reduction**2,
+        mismatch=(squares + beyond) * reduction**2,
         iou=both / union if union > 0 else 0.0,
     )
 
 
-def _window(contour: Contour, coverage: F32, margin: int) -> tuple[slice, slice]:
+def _window(coverage: F32, margin: int) -> tuple[slice, slice]:
     """Rows and columns that hold everything the samples can see.
 
     Starts from the rendered arm's box, as parts of the contour may lie outside of the image.
     """
     height, width = coverage.shape
-    rows = np.flatnonzero(coverage.any(axis=1))
-    if len(rows) == 0:
+    top, bottom, left, right = covered_box(coverage)
+    if bottom < top:
         return slice(0, height), slice(0, width)
-    columns = np.flatnonzero(coverage[rows[0] : rows[-1] + 1].any(axis=0))
     return (
-        slice(max(0, int(rows[0]) - margin), min(height, int(rows[-1]) + margin + 1)),
-        slice(max(0, int(columns[0]) - margin), min(width, int(columns[-1]) + margin + 1)),
+        slice(max(0, top - margin), min(height, bottom + margin + 1)),
+        slice(max(0, left - margin), min(width, right + margin + 1)),
     )

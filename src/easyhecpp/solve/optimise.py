@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +59,19 @@ def solve_pose(
         InputError: No view, sizes that do not fit, or a start that is no transform.
         CalibrationError: The arm is in no view at the start.
     """
-    config = config or SolveConfig()
     clock = time.perf_counter()
     problem = PoseProblem(rig, camera, observations)
+    prepared = {"prepare": time.perf_counter() - clock}
+    estimate = solve_prepared(problem, T_mount_cam_init, config or SolveConfig())
+    return replace(estimate, timings_s={**prepared, **estimate.timings_s})
+
+
+def solve_prepared(
+    problem: PoseProblem, T_mount_cam_init: F64, config: SolveConfig
+) -> PoseEstimate:
+    """The same for views whose masks have been prepared; see `solve_pose`."""
     T = inverse(_checked(T_mount_cam_init))
-    timings = {"prepare": time.perf_counter() - clock}
+    timings: dict[str, float] = {}
     converged = True
     for level in _levels(config.start_error_px):
         clock = time.perf_counter()

@@ -77,9 +77,10 @@ def reason_for(
 def _areas(problem: PoseProblem, view: int, T_cam_mount: F64) -> tuple[float, float]:
     """Share of the rendered arm that the mask lacks, and share of the mask beyond the arm."""
     rendered = problem.renderer(_REDUCTION).coverage(T_cam_mount @ problem.Ts_mount_link[view])
-    mask, usable = problem.masks[view].level(_REDUCTION)
-    if usable is not None:
-        rendered, mask = rendered * usable, mask * usable
+    level = problem.masks[view].level(_REDUCTION)
+    mask = level.mask
+    if level.usable is not None:
+        rendered, mask = rendered * level.usable, mask * level.usable
     both = float(np.minimum(rendered, mask).sum())
     return (
         1.0 - both / max(float(rendered.sum()), 1e-6),
