@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp._paths import reason
 from easyhecpp.camera import Camera
 from easyhecpp.capture._text import listing, plural
@@ -13,6 +15,8 @@ from easyhecpp.capture.image_data import bits_used, conversion_of, inspect_mask,
 from easyhecpp.capture.image_files import IMAGE_SUFFIXES, ImageHeader, read_header
 from easyhecpp.capture.problems import Findings, Part
 from easyhecpp.errors import InputError
+
+T = TypeVar("T")
 
 # Formats that people try and that are not read: named, so that nobody wonders where views went.
 _OTHER_IMAGE_SUFFIXES = (".bmp", ".tif", ".tiff", ".webp", ".exr", ".npy", ".heic", ".ppm", ".pgm")
@@ -86,9 +90,10 @@ def check_masks(masks: Mapping[str, Path], camera: Camera | None, findings: Find
     headers = _headers(masks, "mask", findings)
     _check_sizes(headers, "mask", camera, findings)
     several = []
-    for view in headers:
+    looks = _tried(inspect_mask, [masks[view] for view in headers])
+    for view, look in zip(headers, looks, strict=True):
         with findings.catching(views=(view,), drops="mask"):
-            share, n_values = inspect_mask(masks[view])
+            share, n_values = look()
             if share in (0.0, 1.0):
                 findings.error(
                     f"The mask of view '{view}' is {'empty' if share == 0.0 else 'all arm'}",
@@ -111,9 +116,31 @@ def check_depths(depths: Mapping[str, Path], camera: Camera | None, findings: Fi
     """Check that all depth images are whole, 16 bit and aligned with the camera."""
     headers = _headers(depths, "depth image", findings)
     _check_sizes(headers, "depth image", camera, findings)
-    for view in headers:
+    looks = _tried(lambda path: read_depth(path).shape, [depths[view] for view in headers])
+    for view, look in zip(headers, looks, strict=True):
         with findings.catching(views=(view,), drops="depth"):
-            read_depth(depths[view])
+            look()
+
+
+def _tried(read: Callable[[Path], T], files: Sequence[Path]) -> list[Callable[[], T]]:
+    """Read files on all cores; per file a function that returns the outcome, or raises its error.
+
+    So findings are recorded in the order of the files, whatever thread was first.
+    """
+
+    def attempt(path: Path) -> Callable[[], T]:
+        try:
+            found = read(path)
+        except InputError as error:
+            problem = error
+
+            def fail() -> T:
+                raise problem
+
+            return fail
+        return lambda: found
+
+    return parallel_map(attempt, files)
 
 
 def _headers(files: Mapping[str, Path], kind: str, findings: Findings) -> dict[str, ImageHeader]:

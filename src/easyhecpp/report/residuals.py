@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp.report.plots import displacement_plot, histogram
 from easyhecpp.solve import ContourFit, PoseEstimate
 from easyhecpp.solve.evidence import sample, signed_distance
@@ -100,12 +101,15 @@ def mask_table(
     The last stage may fit edges, and sees only those near the arm: a tool that the URDF lacks shows
     in the masks alone.
     """
-    views = [
-        (fit, sample(signed_distance(masks[view.id].astype(np.float32)), fit.points))
+    masked = [
+        (fit, masks[view.id])
         for view, fit in zip(estimate.views, estimate.contours, strict=True)
         if view.id in masks
     ]
-    return _by_link([fit for fit, _ in views], [distances for _, distances in views], names)
+    distances = parallel_map(
+        lambda view: sample(signed_distance(view[1].astype(np.float32)), view[0].points), masked
+    )
+    return _by_link([fit for fit, _ in masked], distances, names)
 
 
 def _by_link(

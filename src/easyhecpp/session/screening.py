@@ -6,9 +6,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+from easyhecpp._parallel import parallel_map
 from easyhecpp.capture import Capture
 from easyhecpp.capture.health import FrameStatistics, HealthFinding, health_findings
 from easyhecpp.capture.still_camera import Backdrop, CameraMoves, camera_moves
+from easyhecpp.capture.view import View
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.formats.result_blocks import ViewResult
 from easyhecpp.solve.consistency import ViewFinding
@@ -113,11 +115,11 @@ def screen_for_masks(capture: Capture) -> Screening:
 
 
 def _findings(capture: Capture) -> list[HealthFinding]:
-    frames = []
-    for view in capture.views:
-        if view.image is not None:
-            frames.append(FrameStatistics.of(view.id, view.joints, view.image))
-    return health_findings(frames)
+    def statistics(view: View) -> FrameStatistics | None:
+        return None if view.image is None else FrameStatistics.of(view.id, view.joints, view.image)
+
+    found = parallel_map(statistics, capture.views)
+    return health_findings([frame for frame in found if frame is not None])
 
 
 def _screened(capture: Capture, findings: Sequence[HealthFinding]) -> Screening:
