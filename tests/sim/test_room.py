@@ -132,3 +132,19 @@ def test_lamps_hang_above_the_camera() -> None:
         assert lowest > camera_z + 0.1
         heights.append(lowest)
     assert heights[0] < 1.6
+
+
+def test_the_ceiling_is_above_the_lamps_and_a_camera_that_stands_high() -> None:
+    """From above it, its back would fill the picture."""
+    rng = np.random.default_rng(6)
+    found = 0
+    for _ in range(8):
+        plan = RoomPlan(1.07, 0.0, False, 0.3, 1.0, 2.3, n_clutter=0)
+        room = random_surroundings(rng, plan)
+        for panel in room.panels:
+            if panel.name == "ceiling":
+                found += 1
+                height = panel.T_base_panel[2, 3]
+                assert height > plan.camera_z + 0.1
+                assert height > max(lamp.T_base_lamp[2, 3] for lamp in room.lamps)
+    assert found > 0

@@ -14,6 +14,7 @@ from easyhecpp.sim.materials import random_colour
 from easyhecpp.sim.panels import Lamp, PaintedPanel, painted
 
 HEIGHT = 2.9
+_CEILING_ABOVE_LAMPS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +136,9 @@ def _draw_door(wall: np.ndarray, rng: np.random.Generator) -> None:
 
 def _ceiling(rng: np.random.Generator, floor_z: float, turn: float, light: _Light) -> PaintedPanel:
     picture = np.tile(textures.tiles(rng, (0.86, 0.86, 0.85)), (2, 2, 1))
-    T = upright(0, 0, floor_z + HEIGHT, turn) @ np.diag([1.0, -1, -1, 1])
+    # Lamps hang below the ceiling, and above the camera: one that stands high is still in the room.
+    above = max(lamp.T_base_lamp[2, 3] for lamp in light.lamps) + _CEILING_ABOVE_LAMPS
+    T = upright(0, 0, max(floor_z + HEIGHT, above), turn) @ np.diag([1.0, -1, -1, 1])
     return painted("ceiling", T, (10.0, 10.0), picture, (), 1.4 * light.ambient)
 
 
