@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError, InputError
+from easyhecpp.geometry import pose_error
 from easyhecpp.rig import Rig
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.classical.change import ChangeMaps, change_maps, pairs_to_compare
@@ -40,6 +42,11 @@ _SELF_CONFIRMING = 4.0
 
 _RIVAL, _MOST_RIVALS = 0.4, 3
 """Candidates that are looked at closer: with this share of the best one's score, and how many."""
+
+_SAME_POSE = 0.03
+"""Of the arm's size, and in radians: a pose is told from another on the edges."""
+_BORNE_OUT_ALIKE = 0.7
+"""A wrong pose has edges on half of its outline where the right one has three quarters of them."""
 
 _COARSE = (Round(12, 6.0, 3), Round(8, 3.0, 4))
 _FINE = (Round(6, 2.0, 3, bracketed=True),)
@@ -138,6 +145,15 @@ class ClassicalSegmenter:
         pairs = pairs_to_compare(self.scene.motion)
         self.changes: ChangeMaps = change_maps(self.pictures.reduced(2), pairs)
         self._backgrounds: Backgrounds | None = None
+
+    def without_shadows(self) -> ClassicalSegmenter:
+        """The same, for which what may be a shadow is no sign of the arm; see `change_maps`."""
+        other = copy(self)
+        pairs = self.changes.pairs
+        other.changes = change_maps(self.pictures.reduced(2), pairs, shadows=False)
+        if self._backgrounds is not None:
+            other._backgrounds = self._backgrounds.through(self.camera)
+        return other
 
     def first_pose(self) -> list[Scored]:
         """Candidates for the pose, best first, to a few pixels.
@@ -270,32 +286,85 @@ def calibrate_from_images(
 
     segmenter = ClassicalSegmenter(rig, camera, images, joints, ids=ids, config=config)
     lap("changes")
-    candidates = segmenter.first_pose()
-    lap("first_pose")
-    candidates = segmenter.settle(candidates)
-    T = candidates[0].T_mount_cam
-    lap("region")
-    masks = segmenter.masks_at(T)
-    before_edges = segmenter.solve(T, masks)
-    lap("masks")
-    refinement, quality = segmenter.refine(before_edges)
-    lap("edges")
-    estimate = refinement.estimate
-    masks = segmenter.masks_at(estimate.T_mount_cam)
+    look = _Look.of(segmenter, lap)
+    if look.margin < config.least_margin or look.refinement.support.share < config.least_edges:
+        look = _second_look(look, lap)
+    estimate = look.refinement.estimate
+    masks = look.segmenter.masks_at(estimate.T_mount_cam)
     lap("last_masks")
-    margin = _margin(candidates)
     return ClassicalResult(
         T_mount_cam=estimate.T_mount_cam,
-        candidates=tuple(candidates),
-        margin=margin,
+        candidates=look.candidates,
+        margin=look.margin,
         masks=masks,
-        quality=quality,
+        quality=look.quality,
         estimate=replace(estimate, timings_s={**estimate.timings_s, **timings}),
-        before_edges=before_edges,
-        refinement=refinement,
-        reasons=_doubts(candidates, margin, refinement, config, camera, len(images)),
+        before_edges=look.before_edges,
+        refinement=look.refinement,
+        reasons=_doubts(look, config, camera, len(images)),
         timings_s=timings,
     )
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A pose from one kind of change maps.
+
+    Attributes:
+        segmenter: It was found with.
+        candidates: First poses, best first.
+        margin: How much better the best is than the next, as a share of the best.
+        before_edges: The pose from the masks.
+        refinement: On the edges.
+        quality: One per view.
+    """
+
+    segmenter: ClassicalSegmenter
+    candidates: tuple[Scored, ...]
+    margin: float
+    before_edges: PoseEstimate
+    refinement: EdgeRefinement
+    quality: tuple[ViewQuality, ...]
+
+    @classmethod
+    def of(cls, segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> _Look:
+        """Look at the pictures; ``lap`` is told when a stage is done.
+
+        Raises:
+            CalibrationError: Nothing moved, or the arm cannot be found.
+        """
+        candidates = segmenter.first_pose()
+        lap("first_pose")
+        candidates = segmenter.settle(candidates)
+        T = candidates[0].T_mount_cam
+        lap("region")
+        before_edges = segmenter.solve(T, segmenter.masks_at(T))
+        lap("masks")
+        refinement, quality = segmenter.refine(before_edges)
+        lap("edges")
+        margin = _margin(candidates)
+        return cls(segmenter, tuple(candidates), margin, before_edges, refinement, quality)
+
+
+def _second_look(first: _Look, lap: Callable[[str], None]) -> _Look:
+    """Look again without shadows, and keep the pose with more edges of the pictures on its outline.
+
+    Where both looks come to one pose, neither's rivals matter any more than the other's: the larger
+    margin counts. Where they come to two that edges bear out alike, there is none.
+    """
+    try:
+        second = _Look.of(first.segmenter.without_shadows(), lap)
+    except CalibrationError:
+        return first
+    better, other = sorted(
+        (first, second), key=lambda look: look.refinement.support.share, reverse=True
+    )
+    poses = [look.refinement.estimate.T_mount_cam for look in (better, other)]
+    metres, radians = pose_error(*poses)
+    if metres < _SAME_POSE * first.segmenter.scene.radius and radians < _SAME_POSE:
+        return replace(better, margin=max(better.margin, other.margin))
+    shares = [look.refinement.support.share for look in (better, other)]
+    return replace(better, margin=0.0) if shares[1] > _BORNE_OUT_ALIKE * shares[0] else better
 
 
 def _margin(candidates: Sequence[Scored]) -> float:
@@ -307,23 +376,14 @@ def _margin(candidates: Sequence[Scored]) -> float:
     return float(np.clip((best - candidates[1].score) / best, 0.0, 1.0))
 
 
-def _doubts(
-    candidates: Sequence[Scored],
-    margin: float,
-    refinement: EdgeRefinement,
-    config: ClassicalConfig,
-    camera: Camera,
-    n_views: int,
-) -> tuple[str, ...]:
+def _doubts(look: _Look, config: ClassicalConfig, camera: Camera, n_views: int) -> tuple[str, ...]:
     """Reasons why the pose may be wrong."""
-    support = refinement.support
+    support = look.refinement.support
     reasons = []
-    if candidates[0].score < config.least_explained:
-        reasons.append(
-            f"The arm's motion explains only {candidates[0].score:.0%} of what changes in the "
-            "images."
-        )
-    if margin < config.least_margin:
+    score = look.candidates[0].score
+    if score < config.least_explained:
+        reasons.append(f"The arm's motion explains only {score:.0%} of what changes in the images.")
+    if look.margin < config.least_margin:
         reasons.append("Another camera pose explains the changes in the images nearly as well.")
     if support.share < config.least_edges:
         reasons.append(

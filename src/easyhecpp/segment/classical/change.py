@@ -27,6 +27,12 @@ _STRONG_PERCENT, _SHARE_OF_STRONG = 90.0, 0.15
 the noise: an arm's shadow, and the light that it throws back, change a table over large areas, but
 by less than the arm itself."""
 
+_LIGHTNESS_AT_ZERO = np.array([16.0, 0.0, 0.0], np.float32)
+_DEEPEST_SHADE = 0.7
+"""Of (L + 16): a third of the light."""
+_TINT, _TINT_NOISE = 0.35, 1.4
+"""Change of colour that a shadow may bring, as a share of the whole change and in noise."""
+
 _MOST_PAIRED, _OTHERS = 12, 3
 
 
@@ -86,18 +92,50 @@ def _far_apart(motion: F64, count: int) -> NDArray[np.intp]:
     return np.sort(np.array(chosen, np.intp))
 
 
-def change_maps(pictures: Pictures, pairs: NDArray[np.int32]) -> ChangeMaps:
+def change_maps(
+    pictures: Pictures, pairs: NDArray[np.int32], *, shadows: bool = True
+) -> ChangeMaps:
     """Compare pairs of views.
 
     The difference of blurred pictures is held against half of its own maximum nearby: an edge then
     is where the difference crosses half of its height, however strong it is. A threshold from the
     noise alone would count the blur's tails and make everything too large, and shadows as well.
+
+    Args:
+        pictures: The views.
+        pairs: ``(P, 2)`` of them.
+        shadows: Whether what may be a shadow counts as change. Where arm and background look alike,
+            the arm's shadow may change a picture more than the arm does, and moves with it in
+            another way; but an arm whose colour is that of a shadow is lost with the shadows.
     """
     blurred = np.stack(parallel_map(lambda i: cv2.GaussianBlur(i, (0, 0), BLUR_PX), pictures.lab))
     sizes = parallel_map(lambda pair: _difference(blurred[pair[0]], blurred[pair[1]]), pairs)
-    floor = _least_change(sizes, NOISE_FACTOR * pictures.noise * np.sqrt(2.0))
+    noise = pictures.noise * float(np.sqrt(2.0))
+    floor = _least_change(sizes, NOISE_FACTOR * noise)
     maps = parallel_map(lambda size: _evidence(size, floor), sizes)
+    if not shadows:
+        shaded = parallel_map(
+            lambda pair: _shaded(blurred[pair[0]], blurred[pair[1]], noise), pairs
+        )
+        maps = [np.where(s, np.minimum(m, 0.0), m) for m, s in zip(maps, shaded, strict=True)]
     return ChangeMaps(pairs, np.stack(maps), pictures.reduction)
+
+
+def _shaded(a: F32, b: F32, noise: float) -> NDArray[np.bool_]:
+    """Where two pictures ``(H, W, 3)``, in Lab, differ as the same thing does in light and shade.
+
+    A shadow scales all of X, Y and Z, whose cube roots Lab is made of (but for dark colours): it
+    scales ``(L + 16, a, b)``.
+    """
+    a, b = a + _LIGHTNESS_AT_ZERO, b + _LIGHTNESS_AT_ZERO
+    darker = a[..., :1] < b[..., :1]
+    dark, bright = np.where(darker, a, b), np.where(darker, b, a)
+    shade: F32 = np.einsum("hwc,hwc->hw", dark, bright) / np.einsum("hwc,hwc->hw", bright, bright)
+    tinted = _difference(dark, (shade[..., None] * bright).astype(np.float32))
+    like = (shade > _DEEPEST_SHADE) & (tinted < _TINT * _difference(a, b) + _TINT_NOISE * noise)
+    # Single pixels of a textured arm look shaded by chance.
+    opened = cv2.morphologyEx(like.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.asarray(opened, np.bool_)
 
 
 def _difference(a: F32, b: F32) -> F32:
