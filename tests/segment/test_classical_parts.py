@@ -189,7 +189,7 @@ def test_shadows_can_be_left_out_and_things_of_another_colour_cannot():
     rng = np.random.default_rng(6)
     table = np.array([150.0, 130.0, 100.0]) + rng.normal(0.0, 12.0, (60, 80, 1))
     pictures = table[None] + rng.normal(0.0, 1.0, (2, 60, 80, 3))
-    pictures[0, 5:25, 5:25] *= 0.7  # a shadow: the table's texture shows through
+    pictures[0, 5:25, 5:25] *= 0.77  # a shadow: the table's texture shows through
     pictures[0, 5:25, 45:65] = 230.0, 230.0, 240.0  # a white arm
     pictures[0, 35:55, 5:25] = 40.0, 90.0, 150.0  # a blue one
     pictures[0, 35:55, 45:65] = 18.0, 15.0, 12.0  # a black one
@@ -197,7 +197,7 @@ def test_shadows_can_be_left_out_and_things_of_another_colour_cannot():
     loaded = load_pictures(images, Camera(80, 60, 80.0, 80.0, 39.5, 29.5), 1)
     whole = change_maps(loaded, ONE_PAIR).maps[0]
     without = change_maps(loaded, ONE_PAIR, shadows=False).maps[0]
-    assert whole[8:22, 8:22].mean() > 0.4
+    assert whole[8:22, 8:22].mean() > 0.2
     assert without[8:22, 8:22].mean() < 0.05
     for rows, columns in ((8, 48), (38, 8), (38, 48)):
         inside = np.s_[rows : rows + 14, columns : columns + 14]

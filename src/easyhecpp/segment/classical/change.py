@@ -28,8 +28,8 @@ the noise: an arm's shadow, and the light that it throws back, change a table ov
 by less than the arm itself."""
 
 _LIGHTNESS_AT_ZERO = np.array([16.0, 0.0, 0.0], np.float32)
-_DEEPEST_SHADE = 0.7
-"""Of (L + 16): a third of the light."""
+_DEEPEST_SHADE = 0.8
+"""Of (L + 16): half of the light."""
 _TINT, _TINT_NOISE = 0.35, 1.4
 """Change of colour that a shadow may bring, as a share of the whole change and in noise."""
 
