@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import cv2
@@ -8,11 +7,12 @@ import numpy as np
 import pytest
 from scenes_small import photographed
 
+from easyhecpp.camera import Camera
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import pose_error
 from easyhecpp.rig import Rig
 from easyhecpp.segment.classical import calibrate_from_images
-from easyhecpp.segment.classical.calibrate import _Look, _second_look
+from easyhecpp.segment.classical.calibrate import ClassicalConfig, _better, _Look, _looked
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -57,53 +57,93 @@ def test_an_arm_that_hardly_differs_from_the_background_is_found_beside_its_shad
     assert result.sure, result.reasons
 
 
-@dataclass(frozen=True)
-class LookedAgain:
-    """Of two looks at the same pictures, what `_second_look` needs."""
+class SixViews:
+    """What the choice between two looks asks of the scene."""
 
-    share: float
-    x: float
-    margin: float
+    radius = 1.0
+    camera = Camera(1000, 800, 800.0, 800.0, 499.5, 399.5)
 
-    def __call__(self, segmenter=None) -> _Look:
-        T = np.eye(4)
-        T[0, 3] = self.x
-        refinement = SimpleNamespace(
-            support=SimpleNamespace(share=self.share), estimate=SimpleNamespace(T_mount_cam=T)
-        )
-        return _Look(segmenter, (), self.margin, None, refinement, ())
+    def __len__(self) -> int:
+        return 6
+
+
+def looked(share: float, x: float, margin: float, length_px: float = 9000.0) -> _Look:
+    """A look that came to a camera at ``x`` metres, with edges on that share of the outline."""
+    T = np.eye(4)
+    T[0, 3] = x
+    refinement = SimpleNamespace(
+        support=SimpleNamespace(share=share, length_px=length_px, covered=0.1),
+        estimate=SimpleNamespace(T_mount_cam=T),
+    )
+    segmenter = SimpleNamespace(scene=SixViews(), config=ClassicalConfig(), something_moved=True)
+    segmenter.without_shadows = lambda: None
+    return _Look(segmenter, (), margin, None, refinement, ())
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "chosen", "margin"),
+    ("first", "second", "better", "margin"),
     [
         # The same pose twice: what stood beside it in either look does not matter.
-        (LookedAgain(0.7, 0.0, 0.1), LookedAgain(0.71, 0.002, 0.6), "second", 0.6),
-        (LookedAgain(0.71, 0.0, 0.1), LookedAgain(0.7, 0.002, 0.6), "first", 0.6),
+        (looked(0.7, 0.0, 0.1), looked(0.71, 0.002, 0.6), "second", 0.6),
+        (looked(0.71, 0.0, 0.1), looked(0.7, 0.002, 0.6), "first", 0.6),
         # The edges tell two poses apart.
-        (LookedAgain(0.1, 0.0, 0.1), LookedAgain(0.7, 0.4, 0.6), "second", 0.6),
-        (LookedAgain(0.7, 0.0, 0.1), LookedAgain(0.1, 0.4, 0.6), "first", 0.1),
+        (looked(0.1, 0.0, 0.1), looked(0.7, 0.4, 0.6), "second", 0.6),
+        (looked(0.7, 0.0, 0.1), looked(0.1, 0.4, 0.6), "first", 0.1),
         # They do not: neither is sure.
-        (LookedAgain(0.5, 0.0, 0.1), LookedAgain(0.55, 0.4, 0.6), "second", 0.0),
+        (looked(0.5, 0.0, 0.1), looked(0.65, 0.4, 0.6), "second", 0.0),
+        (looked(0.2, 0.0, 0.1), looked(0.5, 0.4, 0.6), "second", 0.0),
+        # A little of an outline lies on edges by chance.
+        (looked(0.66, 0.0, 0.1), looked(0.95, 0.4, 0.6, 2000.0), "first", 0.0),
     ],
 )
-def test_of_two_looks_the_edges_choose(monkeypatch, first, second, chosen, margin):
-    segmenter = SimpleNamespace(scene=SimpleNamespace(radius=1.0), without_shadows=lambda: None)
-    monkeypatch.setattr(_Look, "of", lambda segmenter, lap: second(segmenter))
-    found = _second_look(first(segmenter), lambda stage: None)
-    wanted = {"first": first, "second": second}[chosen]
-    assert found.refinement.support.share == wanted.share
+def test_of_two_looks_the_edges_choose(first, second, better, margin):
+    found = _better(first, second)
+    wanted = {"first": first, "second": second}[better]
+    assert found.refinement is wanted.refinement
     assert found.margin == margin
 
 
-def test_a_second_look_that_finds_nothing_leaves_the_first(monkeypatch):
-    def fail(segmenter, lap):
-        raise CalibrationError("No camera pose explains the motion in the images.")
+def looks(monkeypatch, *results: _Look | CalibrationError) -> list[int]:
+    """Let the looks come to these results; the list grows with every look."""
+    taken: list[int] = []
 
-    segmenter = SimpleNamespace(scene=SimpleNamespace(radius=1.0), without_shadows=lambda: None)
-    first = LookedAgain(0.2, 0.0, 0.1)(segmenter)
-    monkeypatch.setattr(_Look, "of", fail)
-    assert _second_look(first, lambda stage: None) is first
+    def of(segmenter, lap):
+        taken.append(len(taken))
+        result = results[len(taken) - 1]
+        if isinstance(result, CalibrationError):
+            raise result
+        return result
+
+    monkeypatch.setattr(_Look, "of", of)
+    return taken
+
+
+HIDDEN = CalibrationError("No image shows the arm.")
+
+
+def test_one_look_is_enough_where_it_convinces(monkeypatch):
+    first = looked(0.7, 0.0, 0.5)
+    taken = looks(monkeypatch, first)
+    assert _looked(first.segmenter, lambda stage: None) is first
+    assert len(taken) == 1
+
+
+@pytest.mark.parametrize("first", [looked(0.7, 0.0, 0.1), looked(0.2, 0.0, 0.9), HIDDEN])
+def test_doubt_or_failure_asks_for_another_look(monkeypatch, first):
+    second = looked(0.8, 0.4, 0.7)
+    taken = looks(monkeypatch, first, second)
+    found = _looked(second.segmenter, lambda stage: None)
+    assert found.refinement is second.refinement
+    assert len(taken) == 2
+
+
+def test_a_second_look_that_finds_nothing_leaves_the_first(monkeypatch):
+    first = looked(0.2, 0.0, 0.1)
+    looks(monkeypatch, first, HIDDEN)
+    assert _looked(first.segmenter, lambda stage: None) is first
+    looks(monkeypatch, HIDDEN, CalibrationError("The images hardly differ."))
+    with pytest.raises(CalibrationError, match="No image shows the arm"):
+        _looked(first.segmenter, lambda stage: None)
 
 
 def test_joints_of_another_recording_are_not_called_sure():

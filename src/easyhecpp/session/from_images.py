@@ -25,6 +25,9 @@ from easyhecpp.solve.reasons import FEW_CONTOUR
 from easyhecpp.solve.strains import Strain
 from easyhecpp.solve.types import ContourFit, ViewFit
 
+_NO_RIVAL = 1.0
+"""Of overlap with the masks; rivals in explaining the changes are among the reasons for doubt."""
+
 
 def calibrate_classically(
     capture: Capture, stages: Stages, *, config: SolveConfig, edges: bool = True
@@ -70,7 +73,7 @@ def calibrate_classically(
         _in_order(estimate, capture.view_ids),
         _with_unseen(findings, found.masks),
         masks,
-        found.margin,
+        _NO_RIVAL,
         _in_order(found.before_edges, capture.view_ids) if edges else None,
         found.reasons,
         (_edge_note(found.refinement),) if edges else (),
@@ -149,7 +152,7 @@ def refine_on_edges(
         )
         capture, corrections = through_lens(capture, found)
         findings = outcome.findings
-        if corrections and out:
+        if corrections and (out or findings.searched or findings.contradictory):
             findings = _findings(capture, outcome.masks, found.estimate, config)
         elif corrections:
             findings = retested(

@@ -44,9 +44,11 @@ _RIVAL, _MOST_RIVALS = 0.4, 3
 """Candidates that are looked at closer: with this share of the best one's score, and how many."""
 
 _SAME_POSE = 0.03
-"""Of the arm's size, and in radians: a pose is told from another on the edges."""
-_BORNE_OUT_ALIKE = 0.7
-"""A wrong pose has edges on half of its outline where the right one has three quarters of them."""
+"""Poses less far apart than that share of the arm's size, and that many radians, are one."""
+_BORNE_OUT, _BORNE_OUT_ALIKE = 0.6, 0.7
+"""Edges tell a pose from another when they lie on so much of its outline, and on less than that
+share of as much of the other's: right poses have them on three quarters, wrong ones on a fifth,
+in scenes full of edges on half."""
 
 _COARSE = (Round(12, 6.0, 3), Round(8, 3.0, 4))
 _FINE = (Round(6, 2.0, 3, bracketed=True),)
@@ -82,7 +84,8 @@ class ClassicalResult:
     Attributes:
         T_mount_cam: ``(4, 4)`` the camera's pose.
         candidates: The first poses with the share of change that each explains, best first.
-        margin: How much better the best is than the next, as a share of the best.
+        margin: How much better the best is than the next, as a share of the best; 0 when two looks
+            at the pictures came to two poses that the edges do not tell apart.
         masks: One per view.
         quality: One per view.
         estimate: The pose with covariance, as the solver states it.
@@ -152,8 +155,15 @@ class ClassicalSegmenter:
         pairs = self.changes.pairs
         other.changes = change_maps(self.pictures.reduced(2), pairs, shadows=False)
         if self._backgrounds is not None:
+            # The plates are large, belong to a pose, and are made anew for the next.
+            self._backgrounds.plates.clear()
             other._backgrounds = self._backgrounds.through(self.camera)
         return other
+
+    @property
+    def something_moved(self) -> bool:
+        """Whether the pictures differ."""
+        return float(np.mean(self.changes.maps > 0.0)) >= 1e-4
 
     def first_pose(self) -> list[Scored]:
         """Candidates for the pose, best first, to a few pixels.
@@ -161,7 +171,7 @@ class ClassicalSegmenter:
         Raises:
             CalibrationError: Nothing moved between the views, or no pose explains what did.
         """
-        if float(np.mean(self.changes.maps > 0.0)) < 1e-4:
+        if not self.something_moved:
             raise CalibrationError(
                 "The images hardly differ from each other: nothing moved before the camera. The "
                 "classical way needs views with the arm in different postures."
@@ -282,13 +292,11 @@ def calibrate_from_images(
     def lap(stage: str) -> None:
         nonlocal clock
         now = time.perf_counter()
-        timings[stage], clock = now - clock, now
+        timings[stage], clock = timings.get(stage, 0.0) + now - clock, now
 
     segmenter = ClassicalSegmenter(rig, camera, images, joints, ids=ids, config=config)
     lap("changes")
-    look = _Look.of(segmenter, lap)
-    if look.margin < config.least_margin or look.refinement.support.share < config.least_edges:
-        look = _second_look(look, lap)
+    look = _looked(segmenter, lap)
     estimate = look.refinement.estimate
     masks = look.segmenter.masks_at(estimate.T_mount_cam)
     lap("last_masks")
@@ -313,7 +321,8 @@ class _Look:
     Attributes:
         segmenter: It was found with.
         candidates: First poses, best first.
-        margin: How much better the best is than the next, as a share of the best.
+        margin: How much better the best is than the next, as a share of the best; of two looks see
+            `_better`.
         before_edges: The pose from the masks.
         refinement: On the edges.
         quality: One per view.
@@ -325,6 +334,22 @@ class _Look:
     before_edges: PoseEstimate
     refinement: EdgeRefinement
     quality: tuple[ViewQuality, ...]
+
+    @property
+    def convinces(self) -> bool:
+        """Whether no other pose comes near, and edges bear it out."""
+        config = self.segmenter.config
+        enough = self.refinement.support.share >= config.least_edges
+        return enough and self.margin >= config.least_margin
+
+    @property
+    def worth(self) -> tuple[bool, float]:
+        """Larger for the better of two looks; a little of an outline may lie on edges by chance."""
+        support, scene = self.refinement.support, self.segmenter.scene
+        config = self.segmenter.config
+        length = support.length_px / (scene.camera.width * len(scene))
+        seen = length >= config.least_length and support.covered >= config.least_covered
+        return seen, support.share
 
     @classmethod
     def of(cls, segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> _Look:
@@ -346,25 +371,50 @@ class _Look:
         return cls(segmenter, tuple(candidates), margin, before_edges, refinement, quality)
 
 
-def _second_look(first: _Look, lap: Callable[[str], None]) -> _Look:
-    """Look again without shadows, and keep the pose with more edges of the pictures on its outline.
+def _looked(segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> _Look:
+    """The pose of one look at the pictures, or of the better of two where the first leaves doubt.
 
-    Where both looks come to one pose, neither's rivals matter any more than the other's: the larger
-    margin counts. Where they come to two that edges bear out alike, there is none.
+    Raises:
+        CalibrationError: Nothing moved, or the arm cannot be found, whatever is left out.
     """
+    first, failure = None, None
     try:
-        second = _Look.of(first.segmenter.without_shadows(), lap)
-    except CalibrationError:
+        first = _Look.of(segmenter, lap)
+    except CalibrationError as error:
+        if not segmenter.something_moved:
+            raise
+        failure = error
+    if first is not None and first.convinces:
         return first
-    better, other = sorted(
-        (first, second), key=lambda look: look.refinement.support.share, reverse=True
-    )
+    other = segmenter.without_shadows()
+    lap("changes")
+    try:
+        second = _Look.of(other, lap)
+    except CalibrationError:
+        if failure is not None:
+            raise failure from None
+        second = None
+    if first is None or second is None:
+        found = first or second
+        assert found is not None
+        return found
+    return _better(first, second)
+
+
+def _better(first: _Look, second: _Look) -> _Look:
+    """Of two looks the one with more edges of the pictures on its outline.
+
+    Where both come to one pose, neither's rivals matter any more than the other's: the larger
+    margin counts. Where they come to two, there is a margin only if the edges tell them apart.
+    """
+    better, other = sorted((first, second), key=lambda look: look.worth, reverse=True)
     poses = [look.refinement.estimate.T_mount_cam for look in (better, other)]
     metres, radians = pose_error(*poses)
     if metres < _SAME_POSE * first.segmenter.scene.radius and radians < _SAME_POSE:
         return replace(better, margin=max(better.margin, other.margin))
-    shares = [look.refinement.support.share for look in (better, other)]
-    return replace(better, margin=0.0) if shares[1] > _BORNE_OUT_ALIKE * shares[0] else better
+    share, rival = (look.refinement.support.share for look in (better, other))
+    apart = share > _BORNE_OUT and rival < _BORNE_OUT_ALIKE * share
+    return better if apart else replace(better, margin=0.0)
 
 
 def _margin(candidates: Sequence[Scored]) -> float:

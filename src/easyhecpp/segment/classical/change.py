@@ -106,7 +106,8 @@ def change_maps(
         pairs: ``(P, 2)`` of them.
         shadows: Whether what may be a shadow counts as change. Where arm and background look alike,
             the arm's shadow may change a picture more than the arm does, and moves with it in
-            another way; but an arm whose colour is that of a shadow is lost with the shadows.
+            another way; but an arm whose colour is that of a shadow is lost with the shadows. What
+            counts as strong is the same either way.
     """
     blurred = np.stack(parallel_map(lambda i: cv2.GaussianBlur(i, (0, 0), BLUR_PX), pictures.lab))
     sizes = parallel_map(lambda pair: _difference(blurred[pair[0]], blurred[pair[1]]), pairs)
