@@ -12,7 +12,8 @@ from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import pose_error
 from easyhecpp.rig import Rig
 from easyhecpp.segment.classical import calibrate_from_images
-from easyhecpp.segment.classical.calibrate import ClassicalConfig, _better, _Look, _looked
+from easyhecpp.segment.classical.looks import Look, better_look, looked
+from easyhecpp.segment.classical.segmenter import ClassicalConfig
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -67,7 +68,7 @@ class SixViews:
         return 6
 
 
-def looked(share: float, x: float, margin: float, length_px: float = 9000.0) -> _Look:
+def look_at(share: float, x: float, margin: float, length_px: float = 9000.0) -> Look:
     """A look that came to a camera at ``x`` metres, with edges on that share of the outline."""
     T = np.eye(4)
     T[0, 3] = x
@@ -77,33 +78,33 @@ def looked(share: float, x: float, margin: float, length_px: float = 9000.0) -> 
     )
     segmenter = SimpleNamespace(scene=SixViews(), config=ClassicalConfig(), something_moved=True)
     segmenter.without_shadows = lambda: None
-    return _Look(segmenter, (), margin, None, refinement, ())
+    return Look(segmenter, (), margin, None, refinement, ())
 
 
 @pytest.mark.parametrize(
     ("first", "second", "better", "margin"),
     [
         # The same pose twice: what stood beside it in either look does not matter.
-        (looked(0.7, 0.0, 0.1), looked(0.71, 0.002, 0.6), "second", 0.6),
-        (looked(0.71, 0.0, 0.1), looked(0.7, 0.002, 0.6), "first", 0.6),
+        (look_at(0.7, 0.0, 0.1), look_at(0.71, 0.002, 0.6), "second", 0.6),
+        (look_at(0.71, 0.0, 0.1), look_at(0.7, 0.002, 0.6), "first", 0.6),
         # The edges tell two poses apart.
-        (looked(0.1, 0.0, 0.1), looked(0.7, 0.4, 0.6), "second", 0.6),
-        (looked(0.7, 0.0, 0.1), looked(0.1, 0.4, 0.6), "first", 0.1),
+        (look_at(0.1, 0.0, 0.1), look_at(0.7, 0.4, 0.6), "second", 0.6),
+        (look_at(0.7, 0.0, 0.1), look_at(0.1, 0.4, 0.6), "first", 0.1),
         # They do not: neither is sure.
-        (looked(0.5, 0.0, 0.1), looked(0.65, 0.4, 0.6), "second", 0.0),
-        (looked(0.2, 0.0, 0.1), looked(0.5, 0.4, 0.6), "second", 0.0),
+        (look_at(0.5, 0.0, 0.1), look_at(0.65, 0.4, 0.6), "second", 0.0),
+        (look_at(0.2, 0.0, 0.1), look_at(0.5, 0.4, 0.6), "second", 0.0),
         # A little of an outline lies on edges by chance.
-        (looked(0.66, 0.0, 0.1), looked(0.95, 0.4, 0.6, 2000.0), "first", 0.0),
+        (look_at(0.66, 0.0, 0.1), look_at(0.95, 0.4, 0.6, 2000.0), "first", 0.0),
     ],
 )
 def test_of_two_looks_the_edges_choose(first, second, better, margin):
-    found = _better(first, second)
+    found = better_look(first, second)
     wanted = {"first": first, "second": second}[better]
     assert found.refinement is wanted.refinement
     assert found.margin == margin
 
 
-def looks(monkeypatch, *results: _Look | CalibrationError) -> list[int]:
+def looks(monkeypatch, *results: Look | CalibrationError) -> list[int]:
     """Let the looks come to these results; the list grows with every look."""
     taken: list[int] = []
 
@@ -114,7 +115,7 @@ def looks(monkeypatch, *results: _Look | CalibrationError) -> list[int]:
             raise result
         return result
 
-    monkeypatch.setattr(_Look, "of", of)
+    monkeypatch.setattr(Look, "of", of)
     return taken
 
 
@@ -122,28 +123,28 @@ HIDDEN = CalibrationError("No image shows the arm.")
 
 
 def test_one_look_is_enough_where_it_convinces(monkeypatch):
-    first = looked(0.7, 0.0, 0.5)
+    first = look_at(0.7, 0.0, 0.5)
     taken = looks(monkeypatch, first)
-    assert _looked(first.segmenter, lambda stage: None) is first
+    assert looked(first.segmenter, lambda stage: None) is first
     assert len(taken) == 1
 
 
-@pytest.mark.parametrize("first", [looked(0.7, 0.0, 0.1), looked(0.2, 0.0, 0.9), HIDDEN])
+@pytest.mark.parametrize("first", [look_at(0.7, 0.0, 0.1), look_at(0.2, 0.0, 0.9), HIDDEN])
 def test_doubt_or_failure_asks_for_another_look(monkeypatch, first):
-    second = looked(0.8, 0.4, 0.7)
+    second = look_at(0.8, 0.4, 0.7)
     taken = looks(monkeypatch, first, second)
-    found = _looked(second.segmenter, lambda stage: None)
+    found = looked(second.segmenter, lambda stage: None)
     assert found.refinement is second.refinement
     assert len(taken) == 2
 
 
 def test_a_second_look_that_finds_nothing_leaves_the_first(monkeypatch):
-    first = looked(0.2, 0.0, 0.1)
+    first = look_at(0.2, 0.0, 0.1)
     looks(monkeypatch, first, HIDDEN)
-    assert _looked(first.segmenter, lambda stage: None) is first
+    assert looked(first.segmenter, lambda stage: None) is first
     looks(monkeypatch, HIDDEN, CalibrationError("The images hardly differ."))
     with pytest.raises(CalibrationError, match="No image shows the arm"):
-        _looked(first.segmenter, lambda stage: None)
+        looked(first.segmenter, lambda stage: None)
 
 
 def test_joints_of_another_recording_are_not_called_sure():

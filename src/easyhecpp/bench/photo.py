@@ -23,7 +23,7 @@ from easyhecpp.bench.stages import arm_for_scenes
 from easyhecpp.bench.truth_file import read_truth
 from easyhecpp.capture import Capture
 from easyhecpp.errors import EasyHecError, InputError
-from easyhecpp.segment.classical.calibrate import FEWEST_VIEWS
+from easyhecpp.segment.classical.segmenter import FEWEST_VIEWS
 from easyhecpp.session import CalibrationConfig, calibrate
 from easyhecpp.sim.dataset import DatasetPlan, is_complete, make_scene
 from easyhecpp.sim.options import options_for

@@ -14,7 +14,7 @@ from easyhecpp.capture import Capture
 from easyhecpp.capture.decode import check_decodable
 from easyhecpp.formats.result_blocks import RefinedParameter, RobotBlock, ViewResult
 from easyhecpp.formats.result_file import ResultFile
-from easyhecpp.segment.classical.calibrate import FEWEST_VIEWS
+from easyhecpp.segment.classical.segmenter import FEWEST_VIEWS
 from easyhecpp.session.from_images import calibrate_classically, refine_on_edges
 from easyhecpp.session.from_masks import calibrate_from_masks
 from easyhecpp.session.mask_notes import mask_results, short_mask_notes

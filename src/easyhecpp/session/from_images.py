@@ -10,8 +10,8 @@ import numpy as np
 from easyhecpp.capture import Capture
 from easyhecpp.errors import InputError
 from easyhecpp.segment.classical import Backgrounds, calibrate_from_images
-from easyhecpp.segment.classical.calibrate import FEWEST_VIEWS
 from easyhecpp.segment.classical.masks import NO_ARM
+from easyhecpp.segment.classical.segmenter import FEWEST_VIEWS
 from easyhecpp.segment.edges import EdgeRefinement, refine_edges
 from easyhecpp.segment.protocols import CaptureMasks, PoseBelief, ViewMask
 from easyhecpp.segment.quality import assess_at

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from easyhecpp.segment.backgrounds import Backgrounds
-from easyhecpp.segment.classical.calibrate import (
-    ClassicalConfig,
-    ClassicalResult,
-    ClassicalSegmenter,
-    calibrate_from_images,
-)
+from easyhecpp.segment.classical.calibrate import ClassicalResult, calibrate_from_images
+from easyhecpp.segment.classical.segmenter import ClassicalConfig, ClassicalSegmenter
 
 __all__ = [
     "Backgrounds",

@@ -1,0 +1,135 @@
+"""One look at the pictures, or two where the first leaves doubt: with shadows, then without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from easyhecpp.errors import CalibrationError
+from easyhecpp.geometry import pose_error
+from easyhecpp.segment.classical.search import Scored
+from easyhecpp.segment.classical.segmenter import ClassicalSegmenter
+from easyhecpp.segment.edges import EdgeRefinement
+from easyhecpp.segment.quality import ViewQuality
+from easyhecpp.solve import PoseEstimate
+
+_SAME_POSE = 0.03
+"""Poses less far apart than that share of the arm's size, and that many radians, are one."""
+_BORNE_OUT, _BORNE_OUT_ALIKE = 0.6, 0.7
+"""Edges tell a pose from another when they lie on so much of its outline, and on less than that
+share of as much of the other's: right poses have them on three quarters, wrong ones on a fifth,
+in scenes full of edges on half."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A pose from one kind of change maps.
+
+    Attributes:
+        segmenter: It was found with.
+        candidates: First poses, best first.
+        margin: How much better the best is than the next, as a share of the best; of two looks see
+            `better_look`.
+        before_edges: The pose from the masks.
+        refinement: On the edges.
+        quality: One per view.
+    """
+
+    segmenter: ClassicalSegmenter
+    candidates: tuple[Scored, ...]
+    margin: float
+    before_edges: PoseEstimate
+    refinement: EdgeRefinement
+    quality: tuple[ViewQuality, ...]
+
+    @property
+    def convinces(self) -> bool:
+        """Whether no other pose comes near, and edges bear it out."""
+        config = self.segmenter.config
+        enough = self.refinement.support.share >= config.least_edges
+        return enough and self.margin >= config.least_margin
+
+    @property
+    def worth(self) -> tuple[bool, float]:
+        """Larger for the better of two looks; a little of an outline may lie on edges by chance."""
+        support, scene = self.refinement.support, self.segmenter.scene
+        config = self.segmenter.config
+        length = support.length_px / (scene.camera.width * len(scene))
+        seen = length >= config.least_length and support.covered >= config.least_covered
+        return seen, support.share
+
+    @classmethod
+    def of(cls, segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look:
+        """Look at the pictures; ``lap`` is told when a stage is done.
+
+        Raises:
+            CalibrationError: Nothing moved, or the arm cannot be found.
+        """
+        candidates = segmenter.first_pose()
+        lap("first_pose")
+        candidates = segmenter.settle(candidates)
+        T = candidates[0].T_mount_cam
+        lap("region")
+        before_edges = segmenter.solve(T, segmenter.masks_at(T))
+        lap("masks")
+        refinement, quality = segmenter.refine(before_edges)
+        lap("edges")
+        margin = _margin(candidates)
+        return cls(segmenter, tuple(candidates), margin, before_edges, refinement, quality)
+
+
+def looked(segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look:
+    """The pose of one look at the pictures, or of the better of two where the first leaves doubt.
+
+    Raises:
+        CalibrationError: Nothing moved, or the arm cannot be found, whatever is left out.
+    """
+    first, failure = None, None
+    try:
+        first = Look.of(segmenter, lap)
+    except CalibrationError as error:
+        if not segmenter.something_moved:
+            raise
+        failure = error
+    if first is not None and first.convinces:
+        return first
+    other = segmenter.without_shadows()
+    lap("changes")
+    try:
+        second = Look.of(other, lap)
+    except CalibrationError:
+        if failure is not None:
+            raise failure from None
+        second = None
+    if first is None or second is None:
+        found = first or second
+        assert found is not None
+        return found
+    return better_look(first, second)
+
+
+def better_look(first: Look, second: Look) -> Look:
+    """Of two looks the one with more edges of the pictures on its outline.
+
+    Where both come to one pose, neither's rivals matter any more than the other's: the larger
+    margin counts. Where they come to two, there is a margin only if the edges tell them apart.
+    """
+    better, other = sorted((first, second), key=lambda look: look.worth, reverse=True)
+    poses = [look.refinement.estimate.T_mount_cam for look in (better, other)]
+    metres, radians = pose_error(*poses)
+    if metres < _SAME_POSE * first.segmenter.scene.radius and radians < _SAME_POSE:
+        return replace(better, margin=max(better.margin, other.margin))
+    share, rival = (look.refinement.support.share for look in (better, other))
+    apart = share > _BORNE_OUT and rival < _BORNE_OUT_ALIKE * share
+    return better if apart else replace(better, margin=0.0)
+
+
+def _margin(candidates: Sequence[Scored]) -> float:
+    best = candidates[0].score
+    if best <= 0.0:
+        return 0.0
+    if len(candidates) < 2:
+        return 1.0
+    return float(np.clip((best - candidates[1].score) / best, 0.0, 1.0))
