@@ -10,8 +10,7 @@ from scenes_small import photographed
 
 from easyhecpp import Capture, calibrate
 from easyhecpp.capture import View
-from easyhecpp.segment.classical import calibrate as classical
-from easyhecpp.segment.classical import calibrate_from_images
+from easyhecpp.segment.classical import calibrate_from_images, segmenter
 from easyhecpp.segment.classical.masks import NO_ARM
 from easyhecpp.session import CalibrationConfig
 from easyhecpp.session.save import save
@@ -27,14 +26,14 @@ def test_a_view_without_the_arm_neither_fails_nor_ends_a_calibration(
         for i, (q, image) in enumerate(zip(case.joints, case.images, strict=True))
     )
     capture = Capture("cell", None, "eye-to-hand", case.rig.robot, case.camera, views)
-    whole = classical.masks_at
+    whole = segmenter.masks_at
 
     def without_one(*given):
         masks = whole(*given)
         masks[2] = replace(masks[2], mask=None, ignore=None)
         return masks
 
-    monkeypatch.setattr(classical, "masks_at", without_one)
+    monkeypatch.setattr(segmenter, "masks_at", without_one)
     found = calibrate(capture, CalibrationConfig(segmenter="classical", edges=edges))
     assert found.result.verdict == "ok"
     assert "View 2 shows nothing of the arm and says nothing." in found.result.reasons
