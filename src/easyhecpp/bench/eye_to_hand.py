@@ -33,7 +33,7 @@ from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import options_for
 from easyhecpp.sim.possible_poses import PossiblePoses
 from easyhecpp.sim.robots import load_robot
-from easyhecpp.sim.studio import FULL, mitsuba
+from easyhecpp.sim.studio import FULL, mitsuba, tracer
 from easyhecpp.solve import PoseEstimate
 
 F64 = NDArray[np.float64]
@@ -75,6 +75,8 @@ class EyeToHandBench:
         del values["scenes"]
         if self.source == "masks":
             del values["samples"], values["extra"]
+        else:
+            values["tracer"] = tracer()
         return values
 
 

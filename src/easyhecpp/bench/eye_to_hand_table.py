@@ -12,6 +12,7 @@ from easyhecpp.bench.metrics import ErrorSummary, summarise
 from easyhecpp.bench.plots import curves_plot
 from easyhecpp.bench.published import EYE_TO_HAND
 from easyhecpp.bench.table import Cell, Table, describe_machine, failure_notes, machine_sentence
+from easyhecpp.sim.studio import tracer
 
 
 def eye_to_hand_table(bench: EyeToHandBench, steps: Sequence[Step]) -> Table:
@@ -108,7 +109,8 @@ def _source_sentence(bench: EyeToHandBench) -> str:
             "view; SAM itself was not used."
         )
     return (
-        f"Images alone, no masks, no weights, {bench.samples} samples a pixel. Beside the views "
-        f"counted here, {bench.extra} more pictures with the arm elsewhere tell the background and "
-        "help to find the arm; the pose rests on the outlines of the counted views."
+        f"Images alone, no masks, no weights, {bench.samples} samples a pixel by Mitsuba's "
+        f"{tracer()}. Beside the views counted here, {bench.extra} more pictures with the arm "
+        "elsewhere tell the background and help to find the arm; the pose rests on the outlines of "
+        "the counted views."
     )

@@ -27,7 +27,7 @@ from easyhecpp.segment.classical.segmenter import FEWEST_VIEWS
 from easyhecpp.session import CalibrationConfig, calibrate
 from easyhecpp.sim.dataset import DatasetPlan, is_complete, make_scene
 from easyhecpp.sim.options import options_for
-from easyhecpp.sim.studio import FULL, mitsuba
+from easyhecpp.sim.studio import FULL, mitsuba, tracer
 
 ARMS = ("xarm7", "panda", "ur5", "kinova_gen2", "z1")
 """The arms that take turns."""
@@ -73,7 +73,7 @@ class PhotoBench:
 
     def settings(self) -> dict[str, Any]:
         """What decides a scene, however many there are."""
-        values = dataclasses.asdict(self)
+        values = dataclasses.asdict(self) | {"tracer": tracer()}
         del values["scenes"]
         return values
 

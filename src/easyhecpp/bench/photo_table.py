@@ -11,6 +11,7 @@ from easyhecpp.bench.metrics import Spread, wilson_interval
 from easyhecpp.bench.photo import WORSE_MM, WORSE_SHARE, PhotoBench, PhotoRow
 from easyhecpp.bench.plots import cumulative_plot
 from easyhecpp.bench.table import Cell, Table, describe_machine, machine_sentence
+from easyhecpp.sim.studio import tracer
 
 
 def photo_table(bench: PhotoBench, rows: Sequence[PhotoRow]) -> Table:
@@ -42,9 +43,10 @@ def photo_table(bench: PhotoBench, rows: Sequence[PhotoRow]) -> Table:
         ),
         rows=tuple(lines),
         notes=(
-            f"{bench.views} views of {width}x{height}, {bench.samples} samples a pixel, "
-            f"{bench.difficulty} cells; no masks given, no weights. Right: camera centre within "
-            "20 mm and 2 deg; means over the right ones, medians and percentiles over all.",
+            f"{bench.views} views of {width}x{height}, {bench.samples} samples a pixel by "
+            f"Mitsuba's {tracer()}, {bench.difficulty} cells; no masks given, no weights. Right: "
+            "camera centre within 20 mm and 2 deg; means over the right ones, medians and "
+            "percentiles over all.",
             f"Wrong poses called ok: {len(wrong_ok)}"
             + (f" (scenes {', '.join(map(str, wrong_ok))})." if wrong_ok else "."),
             "Worse by edges: the error of a right pose grew by more than "

@@ -24,7 +24,7 @@ from easyhecpp.rig import rides_on_arm
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import CellOptions, options_for
 from easyhecpp.sim.robots import robot_source
-from easyhecpp.sim.studio import FULL, Quality, limit_threads, mitsuba
+from easyhecpp.sim.studio import FULL, Quality, limit_threads, mitsuba, tracer
 
 TRUTH = "truth.json"
 SCHEMA = "easyhecpp-sim-truth/1"
@@ -54,7 +54,7 @@ class DatasetPlan:
 
     def settings(self) -> dict[str, Any]:
         """The plan as plain values, for the record and for comparison."""
-        return json.loads(json.dumps(asdict(self)))
+        return json.loads(json.dumps(asdict(self) | {"tracer": tracer()}))
 
 
 def generate_scenes(

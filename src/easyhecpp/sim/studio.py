@@ -1,4 +1,8 @@
-"""Path-traced pictures of the cell with Mitsuba (variant ``scalar_rgb``: nothing but its wheel).
+"""Path-traced pictures of the cell with Mitsuba.
+
+Its variant ``scalar_rgb`` needs nothing but its wheel. Where the environment variable
+``DRJIT_LIBLLVM_PATH`` names an LLVM library, ``llvm_ad_rgb`` traces the same light in half the
+time, with other noise.
 
 The studio turns finishes and what does not move into Mitsuba objects once; a picture then only
 places the links and the camera. Links are placed as triangles, not as instances: building the tree
@@ -7,6 +11,7 @@ over all of them takes a tenth of a second, rays through it are an eighth faster
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,6 +22,7 @@ import numpy as np
 
 from easyhecpp._optional import require
 from easyhecpp.camera import Camera
+from easyhecpp.errors import InputError
 from easyhecpp.sim.clutter import Prop
 from easyhecpp.sim.denoise import denoised
 from easyhecpp.sim.finishes import Part
@@ -61,15 +67,37 @@ def _load_mitsuba() -> ModuleType:
     return require("mitsuba", "sim", "The simulated cell")
 
 
+_LLVM = "DRJIT_LIBLLVM_PATH"
+
+
+def tracer() -> str:
+    """The variant of Mitsuba that traces: ``llvm_ad_rgb`` only where a library was named.
+
+    An LLVM that happens to be installed is not taken: versions before 16 lack instructions that
+    Mitsuba needs and end the process, and pictures should not differ from machine to machine.
+    """
+    return "llvm_ad_rgb" if os.environ.get(_LLVM) else "scalar_rgb"
+
+
 def mitsuba() -> ModuleType:
     """Mitsuba with the variant that this package needs selected.
 
     Raises:
         MissingExtraError: it is not installed.
+        InputError: the LLVM library that was named cannot be used.
     """
     mi = _load_mitsuba()
-    if mi.variant() != "scalar_rgb":
-        mi.set_variant("scalar_rgb")
+    if mi.variant() != tracer():
+        try:
+            mi.set_variant(tracer())
+        except ImportError as error:
+            raise InputError(
+                f"{_LLVM} names no LLVM library",
+                where=os.environ.get(_LLVM),
+                expected="the file of a shared library of LLVM 16 or newer, libLLVM*.so*",
+                fix="Install one (on Debian and Ubuntu: apt-get install libllvm19), or unset the "
+                "variable: pictures are then traced without it, in twice the time",
+            ) from error
         mi.set_log_level(mi.LogLevel.Warn)
     return mi
 
