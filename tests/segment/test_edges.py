@@ -165,9 +165,9 @@ def test_a_lens_that_nobody_stated_is_found_with_the_pose():
     scene = Scene(case.rig, unstated.camera, case.joints)
     refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
     assert refined.accepted, refined.reason
-    assert refined.lens_sigma is not None
+    assert [c.name for c in refined.corrections] == ["k1", "k2"]
     off = np.array(refined.camera.distortion[:2]) - case.camera.distortion[:2]
-    assert (np.abs(off) < 3.0 * refined.lens_sigma).all()
+    assert (np.abs(off) < 3.0 * np.array([c.sigma for c in refined.corrections])).all()
     # What it bends matters, not the numbers: where the arm is, to a fraction of a pixel.
     points = np.concatenate([c.points for c in refined.estimate.contours])
     bends = refined.camera.project(case.camera.unproject(points)) - points
@@ -177,18 +177,40 @@ def test_a_lens_that_nobody_stated_is_found_with_the_pose():
     # Told the right lens, the edges leave it alone.
     told = Scene(case.rig, case.camera, case.joints)
     known = refine_edges(Backgrounds(told, case.images, start.T_mount_cam), start)
-    assert known.lens_sigma is None
+    assert known.corrections == ()
     assert known.camera is case.camera
 
 
-def test_a_straight_lens_stays_straight():
+@pytest.mark.parametrize("seed", [0, 2])
+def test_joint_zeros_that_are_off_are_found_with_the_pose(seed):
+    case = photographed(seed, n_views=8)
+    rng = np.random.default_rng(seed)
+    off = np.deg2rad(0.3) * rng.choice([-1.0, 1.0], case.rig.robot.n_joints)
+    off[0] = 0.0  # the base turned looks the same
+    recorded = [q - off for q in case.joints]
+    start = _start(case, np.zeros(6), recorded)
+    scene = Scene(case.rig, case.camera, recorded)
+    refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
+    assert refined.accepted, refined.reason
+    assert [c.name for c in refined.corrections] == list(case.rig.robot.joint_names)
+    sigma = np.array([c.sigma for c in refined.corrections])
+    assert (np.abs(refined.joint_zeros - off) < 3.5 * sigma).all()
+    before = pose_error(start.T_mount_cam, case.T_mount_cam)[0]
+    after = pose_error(refined.estimate.T_mount_cam, case.T_mount_cam)[0]
+    assert after < 0.5 * before
+    step = log_se3(inverse(refined.estimate.T_mount_cam) @ case.T_mount_cam)
+    assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
+
+
+def test_a_straight_lens_and_exact_joints_stay_as_they_are():
     for seed in (0, 1, 2):
         case = photographed(seed)
         start = _start(case, np.zeros(6))
         scene = Scene(case.rig, case.camera, case.joints)
         refined = refine_edges(Backgrounds(scene, case.images, case.T_mount_cam), start)
-        assert refined.lens_sigma is None
+        assert refined.corrections == ()
         assert refined.camera is case.camera
+        assert not refined.joint_zeros.any()
 
 
 def test_a_pose_that_is_right_stays_right():
@@ -224,15 +246,20 @@ def test_support_tells_a_right_pose_from_a_wrong_one():
     assert other.share < 0.36
 
 
-def _start(case, delta):
-    """An estimate from masks that are off by ``delta`` about the arm's middle."""
+def _start(case, delta, recorded=None):
+    """An estimate from masks that are off by ``delta`` about the arm's middle.
+
+    The joints are as recorded, if they are not those of the masks.
+    """
     scene = Scene(case.rig, case.camera, case.joints)
     T_cam = inverse(case.T_mount_cam)
     T = inverse(perturb_about(T_cam, scene.centre_cam(T_cam), delta))
     covers = scene.coverages(inverse(T), 1)
     seen = [
         Observation(q, cover > 0.5, id=str(i))
-        for i, (q, cover) in enumerate(zip(case.joints, covers, strict=True))
+        for i, (q, cover) in enumerate(
+            zip(case.joints if recorded is None else recorded, covers, strict=True)
+        )
     ]
     return solve_pose(case.rig, case.camera, seen, T, SolveConfig(start_error_px=4.0))
 

@@ -6,19 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes_small import photographed
 
 from easyhecpp import Capture, calibrate
 from easyhecpp.bench.metrics import PoseError
 from easyhecpp.bench.trust_scenes import build_case
 from easyhecpp.capture import View
 from easyhecpp.errors import InputError
-from easyhecpp.geometry import inverse
+from easyhecpp.geometry import inverse, log_se3
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
 from easyhecpp.session import CalibrationConfig
+from easyhecpp.session.refinement import with_more, zero_notes
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import random_scene
 from easyhecpp.solve.lens import bent
+from easyhecpp.solve.strains import Strain
 
 OFF = 1.02
 
@@ -83,6 +86,43 @@ def test_a_lens_that_nobody_stated_is_refined_unasked_and_told() -> None:
     apart = PoseError.between(found.T_mount_cam, told.T_mount_cam)
     assert apart.position_mm < 3.0 * found.result.sigma.position_mm
     assert told.result.sigma.position_mm < found.result.sigma.position_mm
+
+
+def test_joint_zeros_are_refined_unasked_from_pictures_and_told() -> None:
+    case = photographed(2, n_views=8)
+    off = np.deg2rad([0.0, -0.3, -0.3, -0.3])
+    views = tuple(
+        View(f"{i}", q - off, image=image)
+        for i, (q, image) in enumerate(zip(case.joints, case.images, strict=True))
+    )
+    capture = Capture("cell", None, "eye-to-hand", case.rig.robot, case.camera, views)
+    found = calibrate(capture, CalibrationConfig(segmenter="classical"))
+    names = list(case.rig.robot.joint_names)
+    assert [p.name for p in found.result.refined] == names
+    for refined, true in zip(found.result.refined[1:], off[1:], strict=True):
+        assert refined.correction == pytest.approx(true, abs=3.5 * refined.sigma)
+    # What is drawn and written later is the arm as it stood.
+    moved = found.capture.views[3].joints - capture.views[3].joints
+    assert moved == pytest.approx([p.correction for p in found.result.refined], abs=1e-9)
+    (note,) = [note for note in found.notes if note.startswith("joints: the outlines ask")]
+    assert f"{names[2]} -0." in note
+    assert "the tip is off by as much" in note
+    step = log_se3(inverse(found.T_mount_cam) @ case.T_mount_cam)
+    assert step @ np.linalg.solve(found.estimate.covariance, step) < 22.5
+
+
+def test_a_correction_on_top_of_another_is_their_sum() -> None:
+    both = with_more((Strain("joint4", 0.01, 0.001),), (Strain("joint4", 0.002, 0.003),))
+    assert both == (Strain("joint4", 0.012, 0.003),)
+
+
+def test_zeros_that_were_asked_for_or_are_not_sure_are_no_news() -> None:
+    unsure, sure = Strain("joint2", 0.002, 0.001), Strain("joint4", -0.007, 0.0016)
+    lens = Strain("k1", 0.1, 0.01)
+    assert zero_notes((unsure, lens), ()) == ()
+    assert zero_notes((sure,), ("joint4=0.01",)) == ()
+    (note,) = zero_notes((unsure, sure, lens), ("joint2",))
+    assert "in deg: joint4 -0.40 (sigma 0.09)." in note
 
 
 def test_what_cannot_be_known_is_not_refined_and_said(capture: Capture) -> None:

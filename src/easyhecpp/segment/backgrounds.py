@@ -46,10 +46,15 @@ class Backgrounds:
         self.plates: list[F32] = []
         self.look_behind(T_mount_cam)
 
-    def through(self, camera: Camera) -> Backgrounds:
-        """The same pictures and plates, the arm seen through another lens."""
+    def through(self, camera: Camera, joint_zeros: F64 | None = None) -> Backgrounds:
+        """The same pictures and plates, the arm seen through another lens.
+
+        Args:
+            camera: With the other lens.
+            joint_zeros: ``(n,)`` added to the joints of every view.
+        """
         other = copy(self)
-        other.scene = self.scene.through(camera)
+        other.scene = self.scene.through(camera, joint_zeros)
         return other
 
     def look_behind(self, T_mount_cam: F64) -> None:

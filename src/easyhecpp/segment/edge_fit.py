@@ -18,10 +18,11 @@ from easyhecpp.segment.edge_sources import EdgePoints, Sources
 from easyhecpp.solve.all_unknowns import intrinsic_columns
 from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import NoiseModel, fit_noise
-from easyhecpp.solve.joint_noise import JointNoise
+from easyhecpp.solve.joint_noise import UNDERSTATED, JointNoise
 from easyhecpp.solve.joint_twists import joint_twists
 from easyhecpp.solve.lens import LensStrain, lens_strain
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
+from easyhecpp.solve.zeros import FreedStep, freed_step, zeros_spread
 
 F64 = NDArray[np.float64]
 
@@ -91,6 +92,10 @@ class EdgeFit:
         readings, weights: The edges at the solution and the say that each sample has.
         lens: What the edges say about the lens.
         by_lens: ``(6, 2)`` how ``delta`` follows ``k1`` and ``k2``.
+        unknowns, vector: ``(10 + n, 10 + n)`` and ``(10 + n,)`` of all views on
+            ``[delta, dilation, focal, k1, k2, joints]``.
+        joint_noise: Standard deviation of the joints, fresh in every view, rad (m).
+        zeros_spread: ``(n,)`` what each joint's zero is expected to be off by, rad (m); mostly 0.
     """
 
     T_mount_cam: F64
@@ -106,6 +111,10 @@ class EdgeFit:
     weights: list[F64]
     lens: LensStrain
     by_lens: F64
+    unknowns: F64
+    vector: F64
+    joint_noise: float
+    zeros_spread: F64
 
     @classmethod
     def at(
@@ -138,8 +147,7 @@ class EdgeFit:
         noise = fit_noise(left, trust, _BLUR_PX)
         whole, sides = _information(points, noise, sources, trust, scene.camera)
         count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
-        prior = np.zeros((7, 7))
-        prior[6, 6] = 1.0 / _DILATION_PRIOR_PX**2
+        prior = _prior()
         posed, posed_sides = whole[:, :-_INTRINSICS, :-_INTRINSICS], sides[:, :-_INTRINSICS]
         joint_noise = JointNoise().fitted(posed[count], posed_sides[count], prior)
         information, vectors = whole[:, :7, :7], sides[:, :7]
@@ -150,8 +158,12 @@ class EdgeFit:
         spread = between_views(
             N, N + joint_noise.pulls(posed[count]), information, vectors, solution
         )
-        lens = np.r_[:7, -_INTRINSICS:0, 7 : posed.shape[1]]
+        order = np.r_[:7, -_INTRINSICS:0, 7 : posed.shape[1]]
         counted = np.flatnonzero(count)
+        unknowns, all_sides = (
+            whole[np.ix_(counted, order, order)],
+            sides[np.ix_(counted, order)],
+        )
         return cls(
             T_mount_cam=T_mount_cam,
             centre_cam=centre,
@@ -164,33 +176,58 @@ class EdgeFit:
             sources=sources,
             readings=readings,
             weights=weights,
-            lens=lens_strain(
-                whole[np.ix_(counted, lens, lens)],
-                sides[np.ix_(counted, lens)],
-                prior,
-                COVARIANCE_INFLATION,
-            ),
+            lens=lens_strain(unknowns, all_sides, prior, COVARIANCE_INFLATION),
             by_lens=-np.linalg.solve(N, whole[:, :7, -2:].sum(axis=0))[:6],
+            unknowns=unknowns.sum(axis=0),
+            vector=all_sides.sum(axis=0),
+            joint_noise=float(np.sqrt(UNDERSTATED * joint_noise.variance)),
+            zeros_spread=zeros_spread(unknowns, all_sides, prior),
         )
 
-    def _moved(self, step: F64) -> F64:
+    def moved(self, step: F64) -> F64:
+        """``(4, 4)`` pose after a ``delta``, ``(6,)``."""
         return inverse(perturb_about(inverse(self.T_mount_cam), self.centre_cam, step))
 
     def settled(self) -> F64:
         """``(4, 4)`` pose that the edges ask for."""
-        return self._moved(self.step)
+        return self.moved(self.step)
 
     def with_lens(self) -> F64:
         """``(4, 4)`` pose that goes with the lens that the edges ask for."""
-        return self._moved(self.step + self.by_lens @ self.lens.k)
+        return self.moved(self.step + self.by_lens @ self.lens.k)
+
+    def freed(self, *, lens: bool, spread: F64, zeros: F64) -> FreedStep:
+        """The step with the joints' zeros free, and the lens where that is wanted.
+
+        Args:
+            lens: Whether ``k1`` and ``k2`` are free.
+            spread: ``(n,)`` what the zeros are expected to be off by, 0 for those that are held.
+            zeros: ``(n,)`` what this fit takes them to be.
+        """
+        return freed_step(
+            self.unknowns, self.vector, _prior(),
+            lens=lens, spread=spread, zeros=zeros, inflation=COVARIANCE_INFLATION,
+        )  # fmt: skip
+
+    def with_doubt(self, covariance: F64) -> EdgeFit:
+        """The same, its error bar widened by ``(6, 6)`` for what is not known beside the pose."""
+        return replace(self, covariance=self.covariance + covariance)
 
     def with_lens_doubt(self) -> EdgeFit:
         """The same, the lens having been refined too: what is not known of it widens the bar."""
-        doubt = self.by_lens @ self.lens.covariance @ self.by_lens.T
-        return replace(self, covariance=self.covariance + doubt)
+        return self.with_doubt(self.by_lens @ self.lens.covariance @ self.by_lens.T)
 
-    def estimate(self, start: PoseEstimate, ids: Sequence[str], trust: F64) -> PoseEstimate:
-        """As the solver states its poses, in the same convention."""
+    def estimate(
+        self, start: PoseEstimate, ids: Sequence[str], trust: F64, *, zeros: bool
+    ) -> PoseEstimate:
+        """As the solver states its poses, in the same convention.
+
+        Args:
+            start: The pose from the masks.
+            ids: Names of the views.
+            trust: ``(V,)`` in each view.
+            zeros: Whether the joints' zeros were refined.
+        """
         known = {v.id: v for v in start.views}
         views, contours = [], []
         for i, (r, w) in enumerate(zip(self.readings, self.weights, strict=True)):
@@ -234,8 +271,14 @@ class EdgeFit:
             contours=tuple(contours),
             information=self.information,
             vectors=self.vectors,
-            joint_noise=start.joint_noise,
+            # What masks see of the joints counts, except for what better zeros explain.
+            joint_noise=min(start.joint_noise, self.joint_noise) if zeros else start.joint_noise,
         )
+
+
+def _prior() -> F64:
+    """``(7, 7)`` information on ``[delta, dilation]`` before any edge is seen."""
+    return np.diag([0.0] * 6 + [1.0 / _DILATION_PRIOR_PX**2])
 
 
 def _information(

@@ -91,10 +91,15 @@ class EdgeReader:
         # Scaled so that a ramp of one unit per pixel gives one.
         self.taps = taps / (np.sum(taps * k) * STEP)
 
-    def through(self, camera: Camera) -> EdgeReader:
-        """The same reader, the arm seen through another lens."""
+    def through(self, camera: Camera, joint_zeros: F64 | None = None) -> EdgeReader:
+        """The same reader, the arm seen through another lens.
+
+        Args:
+            camera: With the other lens.
+            joint_zeros: ``(n,)`` added to the joints of every view.
+        """
         other = copy(self)
-        other.backgrounds = self.backgrounds.through(camera)
+        other.backgrounds = self.backgrounds.through(camera, joint_zeros)
         other.scene = other.backgrounds.scene
         return other
 

@@ -20,7 +20,8 @@ from easyhecpp.geometry import inverse, perturb_about
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_fit import FEWEST, EdgeFit, counts, offset_scale, stacked
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading, EdgeSupport
-from easyhecpp.solve.lens import bent
+from easyhecpp.solve.lens import LENS, bent
+from easyhecpp.solve.strains import Strain
 from easyhecpp.solve.types import PoseEstimate
 
 F64 = NDArray[np.float64]
@@ -33,8 +34,8 @@ _UNKNOWNS, _MOST_ALLOWED = 7, 0.1
 _SETTLED = 0.007
 """Share of the reach that a step may still move the contour by."""
 
-_LENS_STEPS = 2
-"""Edges found through a better lens tell more of it."""
+_LENS_STEPS, _ZEROS_STEPS = 2, 3
+"""Edges found through a better lens, or of a better posed arm, tell more of it."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ class EdgeRefinement:
             of the data that is little worse counts as better, see `UnseenCost`.
         support: How well the images bear out the pose in ``estimate``.
         camera: Intrinsics that the estimate goes with, the lens refined where the edges ask for it.
-        lens_sigma: ``(2,)`` standard deviations of ``k1`` and ``k2``; None unless refined.
+        joint_zeros: ``(n,)`` to be added to the recorded joints, likewise.
+        corrections: What was refined beside the pose, by how much.
     """
 
     estimate: PoseEstimate
@@ -74,7 +76,8 @@ class EdgeRefinement:
     cost_after: float
     support: EdgeSupport
     camera: Camera
-    lens_sigma: F64 | None = None
+    joint_zeros: F64
+    corrections: tuple[Strain, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
 
 
@@ -110,49 +113,91 @@ def refine_edges(
     for reach in config.reaches_px:
         T = _descend(reader, T, reach, config, trust)
     found = _fitted(reader, T, config, trust)
+    recorded = np.zeros(scene.joints.shape[1])
     if found is None:
         return EdgeRefinement(
             start, False, "Too few edges of the arm were found in the images.",
-            1.0, 1.0, reader.support(start.T_mount_cam), scene.camera,
+            1.0, 1.0, reader.support(start.T_mount_cam), scene.camera, recorded,
         )  # fmt: skip
-    bends, fitted = found
-    unseen = _held_out(reader, start.T_mount_cam, bends, fitted, config, trust)
+    unseen = _held_out(reader, start.T_mount_cam, found.reader, found.fit, config, trust)
     accepted = unseen.better
     names = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(scene)))
-    estimate = fitted.estimate(start, names, trust) if accepted else start
-    taken = bends if accepted else reader
+    zeros = bool(found.joint_zeros.any())
+    estimate = found.fit.estimate(start, names, trust, zeros=zeros) if accepted else start
+    taken = found.reader if accepted else reader
     took = {"edges": time.perf_counter() - clock}
     if accepted:
         estimate = replace(estimate, timings_s={**start.timings_s, **took})
     return EdgeRefinement(
         estimate, accepted, unseen.reason, unseen.before, unseen.after,
         taken.support(estimate.T_mount_cam), taken.scene.camera,
-        None if taken is reader else np.sqrt(np.diag(fitted.lens.covariance)), took,
+        found.joint_zeros if accepted else recorded, found.corrections if accepted else (), took,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """Where the stage ends up.
+
+    Attributes:
+        reader: Reads through the lens and with the joints' zeros that the edges ask for.
+        fit: The settled fit, its error bar with the doubt about lens and zeros.
+        joint_zeros: ``(n,)`` added to the recorded joints.
+        corrections: What was refined beside the pose.
+    """
+
+    reader: EdgeReader
+    fit: EdgeFit
+    joint_zeros: F64
+    corrections: tuple[Strain, ...] = ()
 
 
 def _fitted(
     reader: EdgeReader, T_mount_cam: F64, config: EdgeConfig, trust: F64
-) -> tuple[EdgeReader, EdgeFit] | None:
-    """The settled fit, and a reader through its lens: the stated one, or what the edges ask for.
+) -> _Settled | None:
+    """The settled fit, with the lens and the joints' zeros free where the edges ask for that.
 
     A lens that is stated with distortion has been measured, and stays as it is.
     """
     reach, spacing = config.reaches_px[-1], config.spacing_px
     bends, T = reader, T_mount_cam
+    zeros = np.zeros(reader.scene.joints.shape[1])
     fit = EdgeFit.at(bends, T, reach, spacing, trust)
     bend = fit is not None and not reader.scene.camera.is_distorted and fit.lens.asked
-    for _ in range(_LENS_STEPS if bend else 1):
+    spread = zeros if fit is None else fit.zeros_spread
+    free = spread > 0.0
+    for _ in range(_ZEROS_STEPS if free.any() else _LENS_STEPS if bend else 1):
         if fit is None:
             return None
-        T = fit.settled()
-        if bend:
-            bends, T = bends.through(bent(bends.scene.camera, fit.lens.k)), fit.with_lens()
+        camera = bends.scene.camera
+        if free.any():
+            freed = fit.freed(lens=bend, spread=spread, zeros=zeros)
+            T, zeros = fit.moved(freed.delta), zeros + freed.zeros
+            bends = reader.through(bent(camera, freed.k) if bend else camera, zeros)
+        elif bend:
+            T, bends = fit.with_lens(), bends.through(bent(camera, fit.lens.k))
+        else:
+            T = fit.settled()
         fit = EdgeFit.at(bends, T, reach, spacing, trust)
     fit = None if fit is None else EdgeFit.at(bends, fit.settled(), reach, spacing, trust)
     if fit is None:
         return None
-    return bends, fit.with_lens_doubt() if bend else fit
+    k = bends.scene.camera.distortion[:2] if bend else ()
+    if free.any():
+        doubt = fit.freed(lens=bend, spread=spread, zeros=zeros)
+        fit = fit.with_doubt(doubt.pose_covariance)
+        names = np.array(reader.scene.rig.robot.joint_names)[free].tolist()
+        sigmas, values = (*doubt.sigma_zeros[free], *doubt.sigma_k), (*zeros[free], *k)
+    elif bend:
+        sigmas, names, values = np.sqrt(np.diag(fit.lens.covariance)), (), k
+        fit = fit.with_lens_doubt()
+    else:
+        sigmas, names, values = (), (), ()
+    corrections = tuple(
+        Strain(name, float(value), float(sigma))
+        for name, value, sigma in zip((*names, *LENS), values, sigmas, strict=False)
+    )
+    return _Settled(bends, fit, zeros, corrections)
 
 
 @dataclass(frozen=True)

@@ -35,23 +35,34 @@ class Scene:
         self.rig = rig
         self.camera = camera
         self.joints = np.stack([np.asarray(q, np.float64) for q in joints])
-        self.Ts_mount_link = rig.Ts_mount_link(self.joints)
-        meshes = rig.robot.meshes
+        self._pose_links()
+        self._renderers: dict[tuple[int, bool], SilhouetteRenderer] = {}
+
+    def _pose_links(self) -> None:
+        self.Ts_mount_link = self.rig.Ts_mount_link(self.joints)
+        meshes = self.rig.robot.meshes
         middles = np.stack([m.centroid for m in meshes])
         areas = np.array([m.area for m in meshes])
         posed = transform_points(self.Ts_mount_link, middles[None, :, None])[:, :, 0]
         self._shares = areas / areas.sum()
         self._middles = posed
         self.centre_mount: F64 = (areas[:, None] * posed).sum(axis=1).mean(axis=0) / areas.sum()
-        self._renderers: dict[tuple[int, bool], SilhouetteRenderer] = {}
 
     def __len__(self) -> int:
         return len(self.joints)
 
-    def through(self, camera: Camera) -> Scene:
-        """The same arm through another lens; pictures of the same size."""
+    def through(self, camera: Camera, joint_zeros: F64 | None = None) -> Scene:
+        """The same arm through another lens; pictures of the same size.
+
+        Args:
+            camera: With the other lens.
+            joint_zeros: ``(n,)`` added to the joints of every view.
+        """
         other = copy(self)
         other.camera = camera
+        if joint_zeros is not None and joint_zeros.any():
+            other.joints = self.joints + joint_zeros
+            other._pose_links()
         other._renderers = {
             (reduction, coarse): renderer.with_camera(_reduced(camera, reduction))
             for (reduction, coarse), renderer in self._renderers.items()

@@ -17,7 +17,7 @@ from easyhecpp.segment.protocols import CaptureMasks, PoseBelief, ViewMask
 from easyhecpp.segment.quality import assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
-from easyhecpp.session.refinement import Refined, through_lens
+from easyhecpp.session.refinement import Refined, on_edges, with_more
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings, ViewFinding, retested, solve_consistent
@@ -64,7 +64,7 @@ def calibrate_classically(
     estimate = found.estimate if edges else found.before_edges
     corrections: tuple[Strain, ...] = ()
     if edges:
-        capture, corrections = through_lens(capture, found.refinement)
+        capture, corrections = on_edges(capture, found.refinement), found.refinement.corrections
     belief = PoseBelief(estimate.T_mount_cam, estimate.covariance)
     masks = CaptureMasks(found.masks, belief)
     with stages.stage("check", "checking the views against each other"):
@@ -148,9 +148,12 @@ def refine_on_edges(
             ignore=silent,
         )
         quality = assess_at(
-            backgrounds.through(found.camera), found.estimate.T_mount_cam, ids, silent
+            backgrounds.through(found.camera, found.joint_zeros),
+            found.estimate.T_mount_cam,
+            ids,
+            silent,
         )
-        capture, corrections = through_lens(capture, found)
+        capture, corrections = on_edges(capture, found), found.corrections
         findings = outcome.findings
         if corrections and (out or findings.searched or findings.contradictory):
             findings = _findings(capture, outcome.masks, found.estimate, config)
@@ -174,7 +177,7 @@ def refine_on_edges(
         refined,
         capture=capture,
         outcome=outcome,
-        corrections=(*refined.corrections, *corrections),
+        corrections=with_more(refined.corrections, corrections),
     )
 
 

@@ -18,12 +18,15 @@ from easyhecpp.segment.edges import EdgeRefinement
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
+from easyhecpp.solve.all_unknowns import INTRINSICS
 from easyhecpp.solve.consistency import solve_consistent
-from easyhecpp.solve.lens import LENS
 from easyhecpp.solve.nuisance import read_priors, refine_nuisances
 from easyhecpp.solve.strains import Strain
 
 F64 = NDArray[np.float64]
+
+_SURE_OF_ZERO = 2.5
+"""Standard deviations from which a joint's zero is worth a word."""
 
 
 @dataclass(frozen=True)
@@ -114,15 +117,45 @@ def refine_lens(state: Refined, stages: Stages, config: SolveConfig) -> Refined:
     return refine(state, ("lens",), stages, config)
 
 
-def through_lens(capture: Capture, found: EdgeRefinement) -> tuple[Capture, tuple[Strain, ...]]:
-    """The capture through the lens that the edge stage ended with, and what that changed."""
-    if found.lens_sigma is None:
-        return capture, ()
-    corrections = tuple(
-        Strain(name, k, float(sigma))
-        for name, k, sigma in zip(LENS, found.camera.distortion[:2], found.lens_sigma, strict=True)
+def on_edges(capture: Capture, found: EdgeRefinement) -> Capture:
+    """The capture with the lens and the joints' zeros that the edge stage ended with."""
+    if not found.corrections:
+        return capture
+    views = capture.views
+    if found.joint_zeros.any():
+        views = tuple(view.with_joints(view.joints + found.joint_zeros) for view in views)
+    return replace(capture, camera=found.camera, views=views)
+
+
+def with_more(before: tuple[Strain, ...], more: tuple[Strain, ...]) -> tuple[Strain, ...]:
+    """Corrections on top of earlier ones: each parameter once, by its whole correction."""
+    known = {strain.name: strain for strain in before}
+    for strain in more:
+        earlier = known[strain.name].value if strain.name in known else 0.0
+        known[strain.name] = replace(strain, value=earlier + strain.value)
+    return tuple(known.values())
+
+
+def zero_notes(corrections: tuple[Strain, ...], asked_for: tuple[str, ...]) -> tuple[str, ...]:
+    """What the user should know about joints' zeros that were refined unasked.
+
+    Args:
+        corrections: What was refined.
+        asked_for: What the user wanted refined, see `read_priors`.
+    """
+    wanted = {word.partition("=")[0] for word in asked_for}
+    sure = [
+        f"{c.name} {np.degrees(c.value):+.2f} (sigma {np.degrees(c.sigma):.2f})"
+        for c in corrections
+        if c.name not in (*INTRINSICS, *wanted) and abs(c.z) > _SURE_OF_ZERO
+    ]
+    if not sure:
+        return ()
+    return (
+        f"joints: the outlines ask for other zeros, in deg: {', '.join(sure)}. The pose goes with "
+        "them. Master the joints anew or correct them in the URDF: as long as they are off, the "
+        "tip is off by as much, however well the camera is known.",
     )
-    return replace(capture, camera=found.camera), corrections
 
 
 def lens_notes(stated: Camera, refined: Camera, estimate: PoseEstimate) -> tuple[str, ...]:

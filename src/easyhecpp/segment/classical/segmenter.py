@@ -214,7 +214,7 @@ class ClassicalSegmenter:
         self, backgrounds: Backgrounds, refined: EdgeRefinement
     ) -> tuple[ViewQuality, ...]:
         """At the refined pose, through the lens that goes with it; so are all later masks."""
-        self._backgrounds = backgrounds.through(refined.camera)
+        self._backgrounds = backgrounds.through(refined.camera, refined.joint_zeros)
         return assess_at(self._backgrounds, refined.estimate.T_mount_cam, self.ids)
 
 
