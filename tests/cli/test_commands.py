@@ -26,9 +26,11 @@ from easyhecpp.capture.write import RobotSource, write_capture
 from easyhecpp.cli import main
 from easyhecpp.errors import CalibrationError, MissingExtraError
 from easyhecpp.formats.exporters import TARGETS
+from easyhecpp.formats.result_blocks import RefinedParameter
 from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.geometry import pose_error
 from easyhecpp.session import Calibration, calibrate, demo
+from easyhecpp.session.refinement import as_refined
 from easyhecpp.sim.poses import PoseSampler
 
 COMMANDS = (
@@ -309,6 +311,20 @@ def test_overlay_through_the_lens_that_was_refined(
         drawn.append([cv2.imread(str(p)) for p in sorted((tmp_path / name).iterdir())])
     outlines = [np.any(a != b) for a, b in zip(*drawn, strict=True)]
     assert all(outlines)
+
+
+def test_overlay_and_viewer_take_the_joints_that_were_refined(
+    folder: Path, calibrated: tuple[Ran, Path]
+) -> None:
+    capture = Capture.load(folder)
+    result = ResultFile.read(calibrated[1] / "result.json")
+    elbow = capture.robot.joint_names[3]
+    off = RefinedParameter(name=elbow, correction=-0.01, sigma=0.001, unit="rad or m")
+    moved = as_refined(capture, result.model_copy(update={"refined": (off,)}))
+    apart = np.array([a.joints - b.joints for a, b in zip(moved.views, capture.views, strict=True)])
+    assert apart[:, 3] == pytest.approx(-0.01)
+    assert not np.delete(apart, 3, axis=1).any()
+    assert as_refined(capture, result.model_copy(update={"refined": ()})) is capture
 
 
 def test_overlay_of_a_result_without_a_pose(

@@ -1,7 +1,7 @@
 """Intrinsics and joint zeros refined together with the pose.
 
-What the user names, and the lens where camera_info states one without distortion and the outlines
-ask for another.
+What the user names, and unasked, where the outlines show it, the lens of a camera_info without
+distortion and the zeros of joints that err from view to view.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from easyhecpp.camera import Camera
 from easyhecpp.capture import Capture
 from easyhecpp.errors import CalibrationError
+from easyhecpp.formats.result_file import ResultFile
 from easyhecpp.segment.edges import EdgeRefinement
 from easyhecpp.session.outcome import Outcome, observations_of
 from easyhecpp.session.stages import Stages
@@ -85,8 +86,7 @@ def refine(state: Refined, words: tuple[str, ...], stages: Stages, config: Solve
         except CalibrationError as error:
             doubts = (*outcome.doubts, str(error))
             return replace(state, outcome=replace(outcome, doubts=doubts))
-        views = tuple(v.with_joints(v.joints + found.joint_zeros) for v in capture.views)
-        capture = replace(capture, camera=found.camera, views=views)
+        capture = _corrected(capture, found.camera, found.joint_zeros)
         estimate, findings = solve_consistent(
             capture.rig,
             capture.camera,
@@ -121,10 +121,28 @@ def on_edges(capture: Capture, found: EdgeRefinement) -> Capture:
     """The capture with the lens and the joints' zeros that the edge stage ended with."""
     if not found.corrections:
         return capture
-    views = capture.views
-    if found.joint_zeros.any():
-        views = tuple(view.with_joints(view.joints + found.joint_zeros) for view in views)
-    return replace(capture, camera=found.camera, views=views)
+    return _corrected(capture, found.camera, found.joint_zeros)
+
+
+def as_refined(capture: Capture, result: ResultFile) -> Capture:
+    """A capture with the intrinsics and joints that a result's pose holds for.
+
+    Args:
+        capture: As recorded; of another resolution, it keeps its intrinsics.
+        result: Of this arm and camera.
+    """
+    if not result.refined:
+        return capture
+    stated, taken = capture.camera, result.camera.to_camera()
+    same_size = (stated.width, stated.height) == (taken.width, taken.height)
+    zeros = {p.name: p.correction for p in result.refined}
+    off = np.array([zeros.get(name, 0.0) for name in capture.robot.joint_names])
+    return _corrected(capture, taken if same_size else stated, off)
+
+
+def _corrected(capture: Capture, camera: Camera, joint_zeros: F64) -> Capture:
+    views = tuple(view.with_joints(view.joints + joint_zeros) for view in capture.views)
+    return replace(capture, camera=camera, views=views)
 
 
 def with_more(before: tuple[Strain, ...], more: tuple[Strain, ...]) -> tuple[Strain, ...]:

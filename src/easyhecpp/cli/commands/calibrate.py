@@ -46,7 +46,8 @@ class Calibrate:
     """Refine with the pose what may be off: focal, principal_point, lens (k1 and k2), names of
     joints (their zeros). Each may carry how far off it may be, as in focal=0.02 joint4=0.005:
     relative, pixels, of k1, radians or metres. Refused where the views cannot tell it from the
-    pose. A lens stated without distortion is refined unasked where the outlines show some."""
+    pose. Unasked, where the outlines show it: a lens stated without distortion and, with edges,
+    the zeros of joints that err from view to view."""
 
     strict: bool = False
     """Exit with 3 when the result is doubtful."""

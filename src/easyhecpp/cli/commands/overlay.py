@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from tyro.conf import Positional
@@ -30,6 +30,7 @@ class Overlay:
         from easyhecpp.capture.decode import check_decodable
         from easyhecpp.formats.result_file import ResultFile
         from easyhecpp.report.overlay import write_overlays
+        from easyhecpp.session.refinement import as_refined
 
         result = ResultFile.read(self.result)
         if result.T_mount_cam is None:
@@ -38,10 +39,7 @@ class Overlay:
             )
         capture = Capture.load(self.capture)
         check_decodable(capture)
-        stated, taken = capture.camera, result.camera.to_camera()
-        if result.refined and (stated.width, stated.height) == (taken.width, taken.height):
-            # The pose holds for the refined intrinsics, not for those that were stated.
-            capture = replace(capture, camera=taken)
+        capture = as_refined(capture, result)
         written = write_overlays(self.out, capture, result.T_mount_cam.array)
         say(f"{len(written)} pictures written to {self.out}/")
         return 0

@@ -34,9 +34,11 @@ class View:
         from easyhecpp.capture import Capture
         from easyhecpp.formats.result_file import ResultFile
         from easyhecpp.report.viewer import PoseViewer
+        from easyhecpp.session.refinement import as_refined
 
         result = ResultFile.read(self.result)
-        viewer = PoseViewer(result, Capture.load(self.capture), host=self.host, port=self.port)
+        capture = as_refined(Capture.load(self.capture), result)
+        viewer = PoseViewer(result, capture, host=self.host, port=self.port)
         try:
             if self.browser:
                 viewer.open_browser()
