@@ -34,7 +34,7 @@ _UNKNOWNS, _MOST_ALLOWED = 7, 0.1
 _SETTLED = 0.007
 """Share of the reach that a step may still move the contour by."""
 
-_LENS_STEPS, _ZEROS_STEPS = 2, 3
+_LENS_STEPS, _ZEROS_STEPS = 2, 4
 """Edges found through a better lens, or of a better posed arm, tell more of it."""
 
 
@@ -166,7 +166,7 @@ def _fitted(
     bend = fit is not None and not reader.scene.camera.is_distorted and fit.lens.asked
     spread = zeros if fit is None else fit.zeros_spread
     free = spread > 0.0
-    for _ in range(_ZEROS_STEPS if free.any() else _LENS_STEPS if bend else 1):
+    for turn in range(_ZEROS_STEPS if free.any() else _LENS_STEPS if bend else 1):
         if fit is None:
             return None
         camera = bends.scene.camera
@@ -174,6 +174,8 @@ def _fitted(
             freed = fit.freed(lens=bend, spread=spread, zeros=zeros)
             T, zeros = fit.moved(freed.delta), zeros + freed.zeros
             bends = reader.through(bent(camera, freed.k) if bend else camera, zeros)
+            # Links move by pixels at first.
+            reach = config.reaches_px[-2 if turn < _ZEROS_STEPS // 2 else -1]
         elif bend:
             T, bends = fit.with_lens(), bends.through(bent(camera, fit.lens.k))
         else:
