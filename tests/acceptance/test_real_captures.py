@@ -18,6 +18,7 @@ from easyhecpp.geometry import inverse, pose_error
 from easyhecpp.session import CalibrationConfig, calibrate
 from easyhecpp.solve import Observation
 from easyhecpp.solve.descend import Level, descend
+from easyhecpp.solve.lens import LENS
 from easyhecpp.solve.problem import PoseProblem
 
 pytestmark = pytest.mark.acceptance
@@ -97,11 +98,22 @@ def test_both_recordings_show_the_lens_of_their_one_camera(shared: Path) -> None
     lenses = []
     for name in CAPTURES:
         result = calibrate(shared / "captures" / name, CalibrationConfig(segmenter="given")).result
-        assert [p.name for p in result.refined] == ["k1", "k2"]
-        lenses.append(result.refined)
+        lenses.append([p for p in result.refined if p.name in LENS])
+        assert [p.name for p in lenses[-1]] == list(LENS)
     for a, b in zip(*lenses, strict=True):
         assert abs(a.correction - b.correction) < 3.0 * np.hypot(a.sigma, b.sigma)
         assert abs(a.correction) > 3.0 * a.sigma
+
+
+def test_one_arm_has_joints_off_their_zeros_and_the_other_has_none(shared: Path) -> None:
+    """Halves of the xArm's views agree on its elbow; the LBR's joints stand as recorded."""
+    zeros = []
+    for name in CAPTURES:
+        result = calibrate(shared / "captures" / name, CalibrationConfig(segmenter="given")).result
+        zeros.append({p.name: p for p in result.refined if p.name not in LENS})
+    xarm, lbr = zeros
+    assert xarm["joint4"].correction < -3.0 * xarm["joint4"].sigma
+    assert lbr == {}
 
 
 def test_peak_memory(ran: Ran) -> None:
