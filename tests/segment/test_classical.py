@@ -13,7 +13,7 @@ from easyhecpp.geometry import pose_error
 from easyhecpp.rig import Rig
 from easyhecpp.segment.classical import calibrate_from_images
 from easyhecpp.segment.classical.looks import Look, better_look, looked
-from easyhecpp.segment.classical.segmenter import ClassicalConfig
+from easyhecpp.segment.classical.segmenter import ClassicalConfig, ClassicalSegmenter
 
 
 @pytest.mark.parametrize("seed", [0, 3])
@@ -177,3 +177,18 @@ def test_refusals():
     moving = Rig(case.rig.robot, "eye-in-hand", "hand")
     with pytest.raises(InputError, match="stands still"):
         calibrate_from_images(moving, case.camera, case.images, case.joints)
+
+
+def test_a_second_look_starts_from_the_recorded_joints():
+    case = photographed(2, n_views=8)
+    off = np.deg2rad([0.0, -0.3, -0.3, -0.3])
+    recorded = np.stack(case.joints) - off
+    first = ClassicalSegmenter(case.rig, case.camera, case.images, list(recorded))
+    T = case.T_mount_cam
+    found = first.refine(first.solve(T, first.masks_at(T)))[0]
+    assert found.joint_zeros.any()
+    assert first.backgrounds(T).scene.joints == pytest.approx(recorded + found.joint_zeros)
+    second = first.without_shadows()
+    assert (second.backgrounds(T).scene.joints == recorded).all()
+    again = second.refine(second.solve(T, second.masks_at(T)))[0]
+    assert again.joint_zeros == pytest.approx(found.joint_zeros, abs=1e-3)

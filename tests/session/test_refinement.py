@@ -17,7 +17,7 @@ from easyhecpp.geometry import inverse, log_se3
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
 from easyhecpp.session import CalibrationConfig
-from easyhecpp.session.refinement import with_more, zero_notes
+from easyhecpp.session.refinement import add_corrections, zero_notes
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import random_scene
 from easyhecpp.solve.lens import bent
@@ -112,7 +112,7 @@ def test_joint_zeros_are_refined_unasked_from_pictures_and_told() -> None:
 
 
 def test_a_correction_on_top_of_another_is_their_sum() -> None:
-    both = with_more((Strain("joint4", 0.01, 0.001),), (Strain("joint4", 0.002, 0.003),))
+    both = add_corrections((Strain("joint4", 0.01, 0.001),), (Strain("joint4", 0.002, 0.003),))
     assert both == (Strain("joint4", 0.012, 0.003),)
 
 

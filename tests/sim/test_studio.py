@@ -148,7 +148,7 @@ sys.exit(main(["bench", "photo", "--scenes", "1", "--out", {str(tmp_path / "t.md
 
 @pytest.mark.skipif(
     not os.environ.get("DRJIT_LIBLLVM_PATH"),
-    reason="to compare both tracers, name an LLVM library in DRJIT_LIBLLVM_PATH",
+    reason="needs LLVM 16 or newer, which no wheel brings: name its library in DRJIT_LIBLLVM_PATH",
 )
 def test_both_tracers_see_the_same_light(tmp_path):
     code = f"""

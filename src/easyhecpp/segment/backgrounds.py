@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
-from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse
 from easyhecpp.segment._plate_kernel import background_plate
 from easyhecpp.segment.pictures import equalised, measured_noise
@@ -46,15 +45,10 @@ class Backgrounds:
         self.plates: list[F32] = []
         self.look_behind(T_mount_cam)
 
-    def through(self, camera: Camera, joint_zeros: F64 | None = None) -> Backgrounds:
-        """The same pictures and plates, the arm seen through another lens.
-
-        Args:
-            camera: With the other lens.
-            joint_zeros: ``(n,)`` added to the joints of every view.
-        """
+    def with_scene(self, scene: Scene) -> Backgrounds:
+        """The same pictures and plates, of an arm with other joints or through another lens."""
         other = copy(self)
-        other.scene = self.scene.through(camera, joint_zeros)
+        other.scene = scene
         return other
 
     def look_behind(self, T_mount_cam: F64) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp._parallel import parallel_map
-from easyhecpp.camera import Camera
 from easyhecpp.geometry import inverse
 from easyhecpp.render import Contour
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE, NONE, find_edges
 from easyhecpp.segment._rim_kernel import STEP
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_rim import BLURS_PX, USUAL_BLUR_PX, RimModel
+from easyhecpp.segment.scene import Scene
 
 F64 = NDArray[np.float64]
 
@@ -91,16 +91,11 @@ class EdgeReader:
         # Scaled so that a ramp of one unit per pixel gives one.
         self.taps = taps / (np.sum(taps * k) * STEP)
 
-    def through(self, camera: Camera, joint_zeros: F64 | None = None) -> EdgeReader:
-        """The same reader, the arm seen through another lens.
-
-        Args:
-            camera: With the other lens.
-            joint_zeros: ``(n,)`` added to the joints of every view.
-        """
+    def with_scene(self, scene: Scene) -> EdgeReader:
+        """The same reader, of an arm with other joints or through another lens."""
         other = copy(self)
-        other.backgrounds = self.backgrounds.through(camera, joint_zeros)
-        other.scene = other.backgrounds.scene
+        other.backgrounds = self.backgrounds.with_scene(scene)
+        other.scene = scene
         return other
 
     def measure_blur(self, T_mount_cam: F64) -> None:

@@ -20,6 +20,7 @@ from easyhecpp.geometry import inverse, perturb_about
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_fit import FEWEST, EdgeFit, counts, offset_scale, stacked
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading, EdgeSupport
+from easyhecpp.segment.scene import Scene
 from easyhecpp.solve.lens import LENS, bent
 from easyhecpp.solve.strains import Strain
 from easyhecpp.solve.types import PoseEstimate
@@ -64,8 +65,8 @@ class EdgeRefinement:
         cost_before, cost_after: Robust cost of the unseen points as measured, 0..1; a fit to half
             of the data that is little worse counts as better, see `UnseenCost`.
         support: How well the images bear out the pose in ``estimate``.
-        camera: Intrinsics that the estimate goes with, the lens refined where the edges ask for it.
-        joint_zeros: ``(n,)`` to be added to the recorded joints, likewise.
+        scene: What the estimate goes with, lens and joints refined where the edges ask for that.
+        joint_zeros: ``(n,)`` what its joints have on the recorded ones.
         corrections: What was refined beside the pose, by how much.
     """
 
@@ -75,10 +76,15 @@ class EdgeRefinement:
     cost_before: float
     cost_after: float
     support: EdgeSupport
-    camera: Camera
+    scene: Scene
     joint_zeros: F64
     corrections: tuple[Strain, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics that the estimate goes with."""
+        return self.scene.camera
 
 
 def refine_edges(
@@ -117,7 +123,7 @@ def refine_edges(
     if found is None:
         return EdgeRefinement(
             start, False, "Too few edges of the arm were found in the images.",
-            1.0, 1.0, reader.support(start.T_mount_cam), scene.camera, recorded,
+            1.0, 1.0, reader.support(start.T_mount_cam), scene, recorded,
         )  # fmt: skip
     unseen = _held_out(reader, start.T_mount_cam, found.reader, found.fit, config, trust)
     accepted = unseen.better
@@ -130,7 +136,7 @@ def refine_edges(
         estimate = replace(estimate, timings_s={**start.timings_s, **took})
     return EdgeRefinement(
         estimate, accepted, unseen.reason, unseen.before, unseen.after,
-        taken.support(estimate.T_mount_cam), taken.scene.camera,
+        taken.support(estimate.T_mount_cam), taken.scene,
         found.joint_zeros if accepted else recorded, found.corrections if accepted else (), took,
     )  # fmt: skip
 
@@ -140,7 +146,7 @@ class _Settled:
     """Where the stage ends up.
 
     Attributes:
-        reader: Reads through the lens and with the joints' zeros that the edges ask for.
+        reader: Reads with the lens and the joints' zeros that the edges ask for.
         fit: The settled fit, its error bar with the doubt about lens and zeros.
         joint_zeros: ``(n,)`` added to the recorded joints.
         corrections: What was refined beside the pose.
@@ -149,7 +155,7 @@ class _Settled:
     reader: EdgeReader
     fit: EdgeFit
     joint_zeros: F64
-    corrections: tuple[Strain, ...] = ()
+    corrections: tuple[Strain, ...]
 
 
 def _fitted(
@@ -160,46 +166,57 @@ def _fitted(
     A lens that is stated with distortion has been measured, and stays as it is.
     """
     reach, spacing = config.reaches_px[-1], config.spacing_px
-    bends, T = reader, T_mount_cam
+    corrected, T = reader, T_mount_cam
     zeros = np.zeros(reader.scene.joints.shape[1])
-    fit = EdgeFit.at(bends, T, reach, spacing, trust)
+    fit = EdgeFit.at(corrected, T, reach, spacing, trust)
     bend = fit is not None and not reader.scene.camera.is_distorted and fit.lens.asked
     spread = zeros if fit is None else fit.zeros_spread
-    free = spread > 0.0
-    for turn in range(_ZEROS_STEPS if free.any() else _LENS_STEPS if bend else 1):
+    free = bool(spread.any())
+    for turn in range(_ZEROS_STEPS if free else _LENS_STEPS if bend else 1):
         if fit is None:
             return None
-        camera = bends.scene.camera
-        if free.any():
+        camera = corrected.scene.camera
+        if free:
             freed = fit.freed(lens=bend, spread=spread, zeros=zeros)
-            T, zeros = fit.moved(freed.delta), zeros + freed.zeros
-            bends = reader.through(bent(camera, freed.k) if bend else camera, zeros)
+            T, k, zeros = fit.moved(freed.delta), freed.k, zeros + freed.zeros
             # Links move by pixels at first.
             reach = config.reaches_px[-2 if turn < _ZEROS_STEPS // 2 else -1]
-        elif bend:
-            T, bends = fit.with_lens(), bends.through(bent(camera, fit.lens.k))
         else:
-            T = fit.settled()
-        fit = EdgeFit.at(bends, T, reach, spacing, trust)
-    fit = None if fit is None else EdgeFit.at(bends, fit.settled(), reach, spacing, trust)
-    if fit is None:
-        return None
-    k = bends.scene.camera.distortion[:2] if bend else ()
-    if free.any():
+            T, k = (fit.with_lens(), fit.lens.k) if bend else (fit.settled(), np.zeros(2))
+        if free or bend:
+            camera = bent(camera, k) if bend else camera
+            corrected = reader.with_scene(reader.scene.corrected(camera, zeros))
+        fit = EdgeFit.at(corrected, T, reach, spacing, trust)
+    fit = None if fit is None else EdgeFit.at(corrected, fit.settled(), reach, spacing, trust)
+    return None if fit is None else _told(corrected, fit, spread, zeros, bend=bend)
+
+
+def _told(reader: EdgeReader, fit: EdgeFit, spread: F64, zeros: F64, *, bend: bool) -> _Settled:
+    """A settled fit with what was refined beside the pose, and with the doubt about it.
+
+    Args:
+        reader: With what was refined.
+        fit: Settled.
+        spread: ``(n,)`` what the joints' zeros were expected to be off by, 0 for those held.
+        zeros: ``(n,)`` what they are.
+        bend: Whether the lens was refined.
+    """
+    free = np.flatnonzero(spread)
+    names = [reader.scene.rig.robot.joint_names[joint] for joint in free]
+    values, sigmas = zeros[free], np.zeros(0)
+    if len(free):
         doubt = fit.freed(lens=bend, spread=spread, zeros=zeros)
+        sigmas, sigma_k = doubt.sigma_zeros[free], doubt.sigma_k
         fit = fit.with_doubt(doubt.pose_covariance)
-        names = np.array(reader.scene.rig.robot.joint_names)[free].tolist()
-        sigmas, values = (*doubt.sigma_zeros[free], *doubt.sigma_k), (*zeros[free], *k)
-    elif bend:
-        sigmas, names, values = np.sqrt(np.diag(fit.lens.covariance)), (), k
-        fit = fit.with_lens_doubt()
     else:
-        sigmas, names, values = (), (), ()
-    corrections = tuple(
-        Strain(name, float(value), float(sigma))
-        for name, value, sigma in zip((*names, *LENS), values, sigmas, strict=False)
-    )
-    return _Settled(bends, fit, zeros, corrections)
+        sigma_k = np.sqrt(np.diag(fit.lens.covariance))
+        fit = fit.with_lens_doubt() if bend else fit
+    if bend:
+        names += LENS
+        values = np.r_[values, reader.scene.camera.distortion[:2]]
+        sigmas = np.r_[sigmas, sigma_k]
+    found = zip(names, values.tolist(), sigmas.tolist(), strict=True)
+    return _Settled(reader, fit, zeros, tuple(Strain(*one) for one in found))
 
 
 @dataclass(frozen=True)
@@ -262,14 +279,14 @@ def _descend(
 def _held_out(
     reader: EdgeReader,
     T_start: F64,
-    bends: EdgeReader,
+    corrected: EdgeReader,
     fit: EdgeFit,
     config: EdgeConfig,
     trust: F64,
 ) -> UnseenCost:
     """Robust cost of contour points that a fit has not seen, at the start and at the fit.
 
-    ``bends`` reads through the lens of the fit, ``reader`` through that of the start.
+    ``corrected`` reads through the lens of the fit, ``reader`` through that of the start.
 
     The contour is cut into squares of 40 px, painted like a chessboard. The pose is fitted to one
     colour and judged on the other, and the other way round. At either pose the edges are looked
@@ -281,7 +298,7 @@ def _held_out(
     """
     reach = config.reaches_px[0]
     at_start = reader.read(T_start, reach, spacing_px=2.0)
-    at_fit = bends.read(fit.T_mount_cam, reach, spacing_px=2.0)
+    at_fit = corrected.read(fit.T_mount_cam, reach, spacing_px=2.0)
     scale = offset_scale(at_fit, config.reaches_px[-1])
     J, r, w = stacked(at_fit, trust, scale)
     colour = np.concatenate([_chessboard(e.contour.points) for e in at_fit])

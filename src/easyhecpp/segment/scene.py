@@ -51,16 +51,16 @@ class Scene:
     def __len__(self) -> int:
         return len(self.joints)
 
-    def through(self, camera: Camera, joint_zeros: F64 | None = None) -> Scene:
-        """The same arm through another lens; pictures of the same size.
+    def corrected(self, camera: Camera, joint_zeros: F64) -> Scene:
+        """The same arm with its joints corrected, seen through another lens.
 
         Args:
-            camera: With the other lens.
+            camera: With the other lens, for pictures of the same size.
             joint_zeros: ``(n,)`` added to the joints of every view.
         """
         other = copy(self)
         other.camera = camera
-        if joint_zeros is not None and joint_zeros.any():
+        if joint_zeros.any():
             other.joints = self.joints + joint_zeros
             other._pose_links()
         other._renderers = {

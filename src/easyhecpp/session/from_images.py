@@ -17,7 +17,7 @@ from easyhecpp.segment.protocols import CaptureMasks, PoseBelief, ViewMask
 from easyhecpp.segment.quality import assess_at
 from easyhecpp.segment.scene import Scene
 from easyhecpp.session.outcome import Outcome, observations_of
-from easyhecpp.session.refinement import Refined, on_edges, with_more
+from easyhecpp.session.refinement import Refined, add_corrections, corrected_by
 from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.consistency import Findings, ViewFinding, retested, solve_consistent
@@ -64,7 +64,8 @@ def calibrate_classically(
     estimate = found.estimate if edges else found.before_edges
     corrections: tuple[Strain, ...] = ()
     if edges:
-        capture, corrections = on_edges(capture, found.refinement), found.refinement.corrections
+        capture = corrected_by(capture, found.refinement)
+        corrections = found.refinement.corrections
     belief = PoseBelief(estimate.T_mount_cam, estimate.covariance)
     masks = CaptureMasks(found.masks, belief)
     with stages.stage("check", "checking the views against each other"):
@@ -148,12 +149,9 @@ def refine_on_edges(
             ignore=silent,
         )
         quality = assess_at(
-            backgrounds.through(found.camera, found.joint_zeros),
-            found.estimate.T_mount_cam,
-            ids,
-            silent,
+            backgrounds.with_scene(found.scene), found.estimate.T_mount_cam, ids, silent
         )
-        capture, corrections = on_edges(capture, found), found.corrections
+        capture, corrections = corrected_by(capture, found), found.corrections
         findings = outcome.findings
         if corrections and (out or findings.searched or findings.contradictory):
             findings = _findings(capture, outcome.masks, found.estimate, config)
@@ -177,7 +175,7 @@ def refine_on_edges(
         refined,
         capture=capture,
         outcome=outcome,
-        corrections=with_more(refined.corrections, corrections),
+        corrections=add_corrections(refined.corrections, corrections),
     )
 
 

@@ -98,7 +98,7 @@ def refine(state: Refined, words: tuple[str, ...], stages: Stages, config: Solve
     return Refined(
         capture,
         replace(outcome, estimate=estimate, findings=findings),
-        (*state.corrections, *found.corrections),
+        add_corrections(state.corrections, found.corrections),
         found.pose_covariance if before is None else before + found.pose_covariance,
     )
 
@@ -117,7 +117,7 @@ def refine_lens(state: Refined, stages: Stages, config: SolveConfig) -> Refined:
     return refine(state, ("lens",), stages, config)
 
 
-def on_edges(capture: Capture, found: EdgeRefinement) -> Capture:
+def corrected_by(capture: Capture, found: EdgeRefinement) -> Capture:
     """The capture with the lens and the joints' zeros that the edge stage ended with."""
     if not found.corrections:
         return capture
@@ -145,7 +145,7 @@ def _corrected(capture: Capture, camera: Camera, joint_zeros: F64) -> Capture:
     return replace(capture, camera=camera, views=views)
 
 
-def with_more(before: tuple[Strain, ...], more: tuple[Strain, ...]) -> tuple[Strain, ...]:
+def add_corrections(before: tuple[Strain, ...], more: tuple[Strain, ...]) -> tuple[Strain, ...]:
     """Corrections on top of earlier ones: each parameter once, by its whole correction."""
     known = {strain.name: strain for strain in before}
     for strain in more:

@@ -113,7 +113,8 @@ class ClassicalSegmenter:
         if self._backgrounds is not None:
             # The plates are large, belong to a pose, and are made anew for the next.
             self._backgrounds.plates.clear()
-            other._backgrounds = self._backgrounds.through(self.camera)
+            # The lens and the joints that the first look found belong to its pose.
+            other._backgrounds = self._backgrounds.with_scene(self.scene)
         return other
 
     @property
@@ -213,8 +214,8 @@ class ClassicalSegmenter:
     def _quality(
         self, backgrounds: Backgrounds, refined: EdgeRefinement
     ) -> tuple[ViewQuality, ...]:
-        """At the refined pose, through the lens that goes with it; so are all later masks."""
-        self._backgrounds = backgrounds.through(refined.camera, refined.joint_zeros)
+        """At the refined pose, with the lens and joints that go with it; so are all later masks."""
+        self._backgrounds = backgrounds.with_scene(refined.scene)
         return assess_at(self._backgrounds, refined.estimate.T_mount_cam, self.ids)
 
 
