@@ -186,9 +186,9 @@ def test_a_second_look_starts_from_the_recorded_joints():
     first = ClassicalSegmenter(case.rig, case.camera, case.images, list(recorded))
     T = case.T_mount_cam
     found = first.refine(first.solve(T, first.masks_at(T)))[0]
-    assert found.joint_zeros.any()
-    assert first.backgrounds(T).scene.joints == pytest.approx(recorded + found.joint_zeros)
+    assert found.joint_offsets.any()
+    assert first.backgrounds(T).scene.joints == pytest.approx(recorded + found.joint_offsets)
     second = first.without_shadows()
     assert (second.backgrounds(T).scene.joints == recorded).all()
     again = second.refine(second.solve(T, second.masks_at(T)))[0]
-    assert again.joint_zeros == pytest.approx(found.joint_zeros, abs=1e-3)
+    assert again.joint_offsets == pytest.approx(found.joint_offsets, abs=1e-3)

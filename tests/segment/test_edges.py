@@ -194,12 +194,45 @@ def test_joint_zeros_that_are_off_are_found_with_the_pose(seed):
     assert refined.accepted, refined.reason
     # The first joint turns the arm as the pose does: it is taken at its word.
     assert [c.name for c in refined.corrections] == list(case.rig.robot.joint_names[1:])
-    assert refined.joint_zeros[0] == 0.0
+    assert (refined.joint_offsets[:, 0] == 0.0).all()
     sigma = np.array([c.sigma for c in refined.corrections])
-    assert (np.abs(refined.joint_zeros - off)[1:] < 3.5 * sigma).all()
+    assert (np.abs(refined.joint_offsets - off)[:, 1:] < 3.5 * sigma).all()
     before = pose_error(start.T_mount_cam, case.T_mount_cam)[0]
     after = pose_error(refined.estimate.T_mount_cam, case.T_mount_cam)[0]
     assert after < 0.5 * before
+    step = log_se3(inverse(refined.estimate.T_mount_cam) @ case.T_mount_cam)
+    assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_an_arm_that_sags_is_found_as_it_hangs(seed):
+    case = photographed(seed, n_views=8)
+    give = 7e-3
+    hangs = give * case.rig.robot.sag(np.stack(case.joints))
+    recorded = list(np.stack(case.joints) - hangs)
+    start = _start(case, np.zeros(6), recorded)
+    scene = Scene(case.rig, case.camera, recorded)
+    refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
+    assert refined.accepted, refined.reason
+    (sag,) = refined.corrections
+    assert sag.name == "sag"
+    assert abs(sag.value - give) < 3.5 * sag.sigma
+    assert sag.sigma < 0.2 * give
+    assert refined.joint_offsets == pytest.approx(hangs * sag.value / give, abs=1e-4)
+    after = pose_error(refined.estimate.T_mount_cam, case.T_mount_cam)[0]
+    assert after < 0.5 * pose_error(start.T_mount_cam, case.T_mount_cam)[0]
+    step = log_se3(inverse(refined.estimate.T_mount_cam) @ case.T_mount_cam)
+    assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
+
+
+def test_joints_that_err_afresh_in_every_view_are_no_sag_and_no_zeros():
+    case = photographed(4, n_views=8)
+    rng = np.random.default_rng(4)
+    recorded = [q + 2e-3 * rng.standard_normal(len(q)) for q in case.joints]
+    start = _start(case, np.zeros(6), recorded)
+    scene = Scene(case.rig, case.camera, recorded)
+    refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
+    assert refined.corrections == ()
     step = log_se3(inverse(refined.estimate.T_mount_cam) @ case.T_mount_cam)
     assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
 
@@ -212,7 +245,7 @@ def test_a_straight_lens_and_exact_joints_stay_as_they_are():
         refined = refine_edges(Backgrounds(scene, case.images, case.T_mount_cam), start)
         assert refined.corrections == ()
         assert refined.camera is case.camera
-        assert not refined.joint_zeros.any()
+        assert not refined.joint_offsets.any()
 
 
 def test_a_pose_that_is_right_stays_right():

@@ -17,7 +17,7 @@ from easyhecpp.geometry import inverse, log_se3
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
 from easyhecpp.session import CalibrationConfig
-from easyhecpp.session.refinement import add_corrections, zero_notes
+from easyhecpp.session.refinement import add_corrections, as_refined, joint_offset_notes
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.scenes import random_scene
 from easyhecpp.solve.lens import bent
@@ -111,6 +111,30 @@ def test_joint_zeros_are_refined_unasked_from_pictures_and_told() -> None:
     assert step @ np.linalg.solve(found.estimate.covariance, step) < 22.5
 
 
+def test_sag_is_refined_unasked_from_pictures_told_and_drawn() -> None:
+    case = photographed(2, n_views=8)
+    give = 7e-3
+    hangs = give * case.rig.robot.sag(np.stack(case.joints))
+    views = tuple(
+        View(f"{i}", q - low, image=image)
+        for i, (q, low, image) in enumerate(zip(case.joints, hangs, case.images, strict=True))
+    )
+    capture = Capture("cell", None, "eye-to-hand", case.rig.robot, case.camera, views)
+    found = calibrate(capture, CalibrationConfig(segmenter="classical"))
+    (sag,) = found.result.refined
+    assert (sag.name, sag.unit) == ("sag", "rad or m")
+    assert sag.correction == pytest.approx(give, abs=3.5 * sag.sigma)
+    (note,) = [note for note in found.notes if note.startswith("sag:")]
+    assert "gives way under its weight, by +0." in note
+    step = log_se3(inverse(found.T_mount_cam) @ case.T_mount_cam)
+    assert step @ np.linalg.solve(found.estimate.covariance, step) < 22.5
+    # What is drawn, now or later from the result, is the arm as it hung, in each view its own way.
+    stood = np.array([view.joints for view in found.capture.views])
+    assert stood == pytest.approx(np.stack(case.joints), abs=4.0 * sag.sigma)
+    later = as_refined(capture, found.result)
+    assert np.array([view.joints for view in later.views]) == pytest.approx(stood, abs=2e-5)
+
+
 def test_a_correction_on_top_of_another_is_their_sum() -> None:
     both = add_corrections((Strain("joint4", 0.01, 0.001),), (Strain("joint4", 0.002, 0.003),))
     assert both == (Strain("joint4", 0.012, 0.003),)
@@ -119,10 +143,10 @@ def test_a_correction_on_top_of_another_is_their_sum() -> None:
 def test_zeros_that_were_asked_for_or_are_not_sure_are_no_news() -> None:
     unsure, sure = Strain("joint2", 0.002, 0.001), Strain("joint4", -0.007, 0.0016)
     lens = Strain("k1", 0.1, 0.01)
-    assert zero_notes((unsure, lens), ()) == ()
-    assert zero_notes((sure,), ("joint4=0.01",)) == ()
-    (note,) = zero_notes((unsure, sure, lens), ("joint2",))
-    assert "in deg: joint4 -0.40 (sigma 0.09)." in note
+    assert joint_offset_notes((unsure, lens), ()) == ()
+    assert joint_offset_notes((sure,), ("joint4=0.01",)) == ()
+    (note,) = joint_offset_notes((unsure, sure, lens), ("joint2",))
+    assert "ask for other zeros: joint4 -0.40 deg (sigma 0.09)." in note
 
 
 def test_what_cannot_be_known_is_not_refined_and_said(capture: Capture) -> None:

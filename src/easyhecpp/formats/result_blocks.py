@@ -187,7 +187,8 @@ class RobotBlock(Block):
 class RefinedParameter(Block):
     """A parameter that was refined together with the pose.
 
-    On the user's wish, or ``k1`` and ``k2`` where the outlines show a lens that nobody stated.
+    On the user's wish, or where the outlines show it: ``k1`` and ``k2`` of a lens that nobody
+    stated, zeros of joints, and ``sag``, see `Robot.sag`.
     """
 
     name: str = Field(min_length=1)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 # Vertices closer than the mesh's extent divided by this are one vertex: 0.5 um on a 1 m link.
 _WELD_STEPS = 2**21 - 1
@@ -81,6 +82,27 @@ class LinkMesh:
         """(3,) area-weighted centroid of the surface, link frame."""
         middles = self.vertices[self.faces].mean(axis=1)
         return self._face_areas @ middles / self.area
+
+    @property
+    def hull_volume(self) -> float:
+        """Volume of the convex hull, cubic metres."""
+        return self._hull[0]
+
+    @property
+    def hull_centroid(self) -> np.ndarray:
+        """(3,) middle of the convex hull's volume, link frame; of a flat mesh that of its faces."""
+        return self._hull[1]
+
+    @cached_property
+    def _hull(self) -> tuple[float, np.ndarray]:
+        try:
+            hull = ConvexHull(self.vertices)
+        except QhullError:
+            return 0.0, self.centroid
+        inside = self.vertices[hull.vertices].mean(axis=0)
+        corners = self.vertices[hull.simplices] - inside
+        volumes = np.abs(np.linalg.det(corners)) / 6.0
+        return float(hull.volume), inside + volumes @ corners.mean(axis=1) * 0.75 / volumes.sum()
 
     @property
     def n_open_edges(self) -> int:

@@ -176,6 +176,20 @@ class Robot:
         points = se3.transform_points(self.link_poses(q), centroids[:, None, :])[..., 0, :]
         return np.einsum("l,...li->...i", areas / areas.sum(), points)
 
+    def sag(self, q: np.ndarray) -> np.ndarray:
+        """How far each joint hangs below what it reads, for one unit of give.
+
+        Args:
+            q: (..., n) joint values.
+
+        Returns:
+            (..., n) radians for each radian that the joint gives way that carries most when the arm
+            is stretched out; see `easyhecpp.robot.gravity`.
+        """
+        from easyhecpp.robot.gravity import loads
+
+        return loads(self, q) / self._largest_load
+
     def simplified(self, max_error: float) -> Robot:
         """The same robot with as few triangles as `max_error` allows.
 
@@ -219,6 +233,12 @@ class Robot:
     @cached_property
     def _link_frames(self) -> np.ndarray:
         return np.array([self.frame_names.index(name) for name in self.link_names], np.intp)
+
+    @cached_property
+    def _largest_load(self) -> float:
+        from easyhecpp.robot.gravity import largest_load
+
+        return largest_load(self, *self._search_limits)
 
     @cached_property
     def _search_limits(self) -> tuple[np.ndarray, np.ndarray]:

@@ -15,14 +15,15 @@ from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_cent
 from easyhecpp.segment._edge_kernel import AGAINST_PLATE
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading
 from easyhecpp.segment.edge_sources import EdgePoints, Sources
+from easyhecpp.segment.scene import Scene
 from easyhecpp.solve.all_unknowns import intrinsic_columns
 from easyhecpp.solve.between_views import between_views
 from easyhecpp.solve.correlation import NoiseModel, fit_noise
 from easyhecpp.solve.joint_noise import UNDERSTATED, JointNoise
+from easyhecpp.solve.joint_offsets import FreedStep, JointOffsets, freed_step, offsets_asked
 from easyhecpp.solve.joint_twists import joint_twists
 from easyhecpp.solve.lens import LensStrain, lens_strain
 from easyhecpp.solve.types import ContourFit, PoseEstimate, ViewFit
-from easyhecpp.solve.zeros import FreedStep, freed_step, zeros_spread
 
 F64 = NDArray[np.float64]
 
@@ -92,10 +93,9 @@ class EdgeFit:
         readings, weights: The edges at the solution and the say that each sample has.
         lens: What the edges say about the lens.
         by_lens: ``(6, 2)`` how ``delta`` follows ``k1`` and ``k2``.
-        unknowns, vector: ``(10 + n, 10 + n)`` and ``(10 + n,)`` of all views on
-            ``[delta, dilation, focal, k1, k2, joints]``.
+        all_information, all_vectors: ``(V, 10 + n, 10 + n)`` and ``(V, 10 + n)`` of each view on
+            ``[delta, dilation, focal, k1, k2, joints]``; 0 for those that do not count.
         joint_noise: Standard deviation of the joints, fresh in every view, rad (m).
-        zeros_spread: ``(n,)`` what each joint's zero is expected to be off by, rad (m); mostly 0.
     """
 
     T_mount_cam: F64
@@ -111,10 +111,9 @@ class EdgeFit:
     weights: list[F64]
     lens: LensStrain
     by_lens: F64
-    unknowns: F64
-    vector: F64
+    all_information: F64
+    all_vectors: F64
     joint_noise: float
-    zeros_spread: F64
 
     @classmethod
     def at(
@@ -159,11 +158,7 @@ class EdgeFit:
             N, N + joint_noise.pulls(posed[count]), information, vectors, solution
         )
         order = np.r_[:7, -_INTRINSICS:0, 7 : posed.shape[1]]
-        counted = np.flatnonzero(count)
-        unknowns, all_sides = (
-            whole[np.ix_(counted, order, order)],
-            sides[np.ix_(counted, order)],
-        )
+        whole, sides = whole[:, order[:, None], order], sides[:, order]
         return cls(
             T_mount_cam=T_mount_cam,
             centre_cam=centre,
@@ -176,12 +171,11 @@ class EdgeFit:
             sources=sources,
             readings=readings,
             weights=weights,
-            lens=lens_strain(unknowns, all_sides, prior, COVARIANCE_INFLATION),
-            by_lens=-np.linalg.solve(N, whole[:, :7, -2:].sum(axis=0))[:6],
-            unknowns=unknowns.sum(axis=0),
-            vector=all_sides.sum(axis=0),
+            lens=lens_strain(whole[count], sides[count], prior, COVARIANCE_INFLATION),
+            by_lens=-np.linalg.solve(N, whole[:, :7, 8:10].sum(axis=0))[:6],
+            all_information=whole,
+            all_vectors=sides,
             joint_noise=float(np.sqrt(UNDERSTATED * joint_noise.variance)),
-            zeros_spread=zeros_spread(unknowns, all_sides, prior),
         )
 
     def moved(self, step: F64) -> F64:
@@ -196,17 +190,29 @@ class EdgeFit:
         """``(4, 4)`` pose that goes with the lens that the edges ask for."""
         return self.moved(self.step + self.by_lens @ self.lens.k)
 
-    def freed(self, *, lens: bool, spread: F64, zeros: F64) -> FreedStep:
-        """The step with the joints' zeros free, and the lens where that is wanted.
+    def offsets_asked(self, scene: Scene) -> JointOffsets:
+        """What the joints are off by in all views alike, as far as the edges ask for it.
+
+        Args:
+            scene: With the joints as recorded.
+        """
+        robot = scene.rig.robot
+        return offsets_asked(
+            self.all_information, self.all_vectors, _prior(), sag=robot.sag(scene.joints),
+            joint_names=robot.joint_names,
+        )  # fmt: skip
+
+    def freed(self, *, lens: bool, offsets: JointOffsets, values: F64) -> FreedStep:
+        """The step with the joints' offsets free, and the lens where that is wanted.
 
         Args:
             lens: Whether ``k1`` and ``k2`` are free.
-            spread: ``(n,)`` what the zeros are expected to be off by, 0 for those that are held.
-            zeros: ``(n,)`` what this fit takes them to be.
+            offsets: What the joints may be off by.
+            values: ``(m,)`` what this fit takes the offsets to be.
         """
         return freed_step(
-            self.unknowns, self.vector, _prior(),
-            lens=lens, spread=spread, zeros=zeros, inflation=COVARIANCE_INFLATION,
+            self.all_information, self.all_vectors, _prior(),
+            lens=lens, offsets=offsets, values=values, inflation=COVARIANCE_INFLATION,
         )  # fmt: skip
 
     def with_doubt(self, covariance: F64) -> EdgeFit:
@@ -218,7 +224,7 @@ class EdgeFit:
         return self.with_doubt(self.by_lens @ self.lens.covariance @ self.by_lens.T)
 
     def estimate(
-        self, start: PoseEstimate, ids: Sequence[str], trust: F64, *, zeros: bool
+        self, start: PoseEstimate, ids: Sequence[str], trust: F64, *, offset: bool
     ) -> PoseEstimate:
         """As the solver states its poses, in the same convention.
 
@@ -226,7 +232,7 @@ class EdgeFit:
             start: The pose from the masks.
             ids: Names of the views.
             trust: ``(V,)`` in each view.
-            zeros: Whether the joints' zeros were refined.
+            offset: Whether joints were found to be off in all views alike.
         """
         known = {v.id: v for v in start.views}
         views, contours = [], []
@@ -271,8 +277,8 @@ class EdgeFit:
             contours=tuple(contours),
             information=self.information,
             vectors=self.vectors,
-            # What masks see of the joints counts, except for what better zeros explain.
-            joint_noise=min(start.joint_noise, self.joint_noise) if zeros else start.joint_noise,
+            # What masks see of the joints counts, except for what sag and better zeros explain.
+            joint_noise=min(start.joint_noise, self.joint_noise) if offset else start.joint_noise,
         )
 
 

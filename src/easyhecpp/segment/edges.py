@@ -21,6 +21,7 @@ from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.edge_fit import FEWEST, EdgeFit, counts, offset_scale, stacked
 from easyhecpp.segment.edge_reading import EdgeReader, EdgeReading, EdgeSupport
 from easyhecpp.segment.scene import Scene
+from easyhecpp.solve.joint_offsets import JointOffsets
 from easyhecpp.solve.lens import LENS, bent
 from easyhecpp.solve.strains import Strain
 from easyhecpp.solve.types import PoseEstimate
@@ -35,7 +36,7 @@ _UNKNOWNS, _MOST_ALLOWED = 7, 0.1
 _SETTLED = 0.007
 """Share of the reach that a step may still move the contour by."""
 
-_LENS_STEPS, _ZEROS_STEPS = 2, 4
+_LENS_STEPS, _OFFSET_STEPS = 2, 4
 """Edges found through a better lens, or of a better posed arm, tell more of it."""
 
 
@@ -66,7 +67,7 @@ class EdgeRefinement:
             of the data that is little worse counts as better, see `UnseenCost`.
         support: How well the images bear out the pose in ``estimate``.
         scene: What the estimate goes with, lens and joints refined where the edges ask for that.
-        joint_zeros: ``(n,)`` what its joints have on the recorded ones.
+        joint_offsets: ``(V, n)`` what its joints have on the recorded ones.
         corrections: What was refined beside the pose, by how much.
     """
 
@@ -77,7 +78,7 @@ class EdgeRefinement:
     cost_after: float
     support: EdgeSupport
     scene: Scene
-    joint_zeros: F64
+    joint_offsets: F64
     corrections: tuple[Strain, ...] = ()
     timings_s: dict[str, float] = field(default_factory=dict)
 
@@ -119,7 +120,7 @@ def refine_edges(
     for reach in config.reaches_px:
         T = _descend(reader, T, reach, config, trust)
     found = _fitted(reader, T, config, trust)
-    recorded = np.zeros(scene.joints.shape[1])
+    recorded = np.zeros(scene.joints.shape)
     if found is None:
         return EdgeRefinement(
             start, False, "Too few edges of the arm were found in the images.",
@@ -128,8 +129,8 @@ def refine_edges(
     unseen = _held_out(reader, start.T_mount_cam, found.reader, found.fit, config, trust)
     accepted = unseen.better
     names = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(scene)))
-    zeros = bool(found.joint_zeros.any())
-    estimate = found.fit.estimate(start, names, trust, zeros=zeros) if accepted else start
+    offset = bool(found.joint_offsets.any())
+    estimate = found.fit.estimate(start, names, trust, offset=offset) if accepted else start
     taken = found.reader if accepted else reader
     took = {"edges": time.perf_counter() - clock}
     if accepted:
@@ -137,7 +138,7 @@ def refine_edges(
     return EdgeRefinement(
         estimate, accepted, unseen.reason, unseen.before, unseen.after,
         taken.support(estimate.T_mount_cam), taken.scene,
-        found.joint_zeros if accepted else recorded, found.corrections if accepted else (), took,
+        found.joint_offsets if accepted else recorded, found.corrections if accepted else (), took,
     )  # fmt: skip
 
 
@@ -146,77 +147,79 @@ class _Settled:
     """Where the stage ends up.
 
     Attributes:
-        reader: Reads with the lens and the joints' zeros that the edges ask for.
-        fit: The settled fit, its error bar with the doubt about lens and zeros.
-        joint_zeros: ``(n,)`` added to the recorded joints.
+        reader: Reads with the lens and the joints that the edges ask for.
+        fit: The settled fit, its error bar with the doubt about lens and joints.
+        joint_offsets: ``(V, n)`` added to the recorded joints.
         corrections: What was refined beside the pose.
     """
 
     reader: EdgeReader
     fit: EdgeFit
-    joint_zeros: F64
+    joint_offsets: F64
     corrections: tuple[Strain, ...]
 
 
 def _fitted(
     reader: EdgeReader, T_mount_cam: F64, config: EdgeConfig, trust: F64
 ) -> _Settled | None:
-    """The settled fit, with the lens and the joints' zeros free where the edges ask for that.
+    """The settled fit, with the lens and the joints free where the edges ask for that.
 
     A lens that is stated with distortion has been measured, and stays as it is.
     """
     reach, spacing = config.reaches_px[-1], config.spacing_px
     corrected, T = reader, T_mount_cam
-    zeros = np.zeros(reader.scene.joints.shape[1])
     fit = EdgeFit.at(corrected, T, reach, spacing, trust)
-    bend = fit is not None and not reader.scene.camera.is_distorted and fit.lens.asked
-    spread = zeros if fit is None else fit.zeros_spread
-    free = bool(spread.any())
-    for turn in range(_ZEROS_STEPS if free else _LENS_STEPS if bend else 1):
+    if fit is None:
+        return None
+    bend = not reader.scene.camera.is_distorted and fit.lens.asked
+    offsets = fit.offsets_asked(reader.scene)
+    values = np.zeros(len(offsets.names))
+    free = len(values) > 0
+    for turn in range(_OFFSET_STEPS if free else _LENS_STEPS if bend else 1):
         if fit is None:
             return None
         camera = corrected.scene.camera
         if free:
-            freed = fit.freed(lens=bend, spread=spread, zeros=zeros)
-            T, k, zeros = fit.moved(freed.delta), freed.k, zeros + freed.zeros
+            freed = fit.freed(lens=bend, offsets=offsets, values=values)
+            T, k, values = fit.moved(freed.delta), freed.k, values + freed.offsets
             # Links move by pixels at first.
-            reach = config.reaches_px[-2 if turn < _ZEROS_STEPS // 2 else -1]
+            reach = config.reaches_px[-2 if turn < _OFFSET_STEPS // 2 else -1]
         else:
             T, k = (fit.with_lens(), fit.lens.k) if bend else (fit.settled(), np.zeros(2))
         if free or bend:
             camera = bent(camera, k) if bend else camera
-            corrected = reader.with_scene(reader.scene.corrected(camera, zeros))
+            corrected = reader.with_scene(reader.scene.corrected(camera, offsets.of(values)))
         fit = EdgeFit.at(corrected, T, reach, spacing, trust)
     fit = None if fit is None else EdgeFit.at(corrected, fit.settled(), reach, spacing, trust)
-    return None if fit is None else _told(corrected, fit, spread, zeros, bend=bend)
+    return None if fit is None else _told(corrected, fit, offsets, values, bend=bend)
 
 
-def _told(reader: EdgeReader, fit: EdgeFit, spread: F64, zeros: F64, *, bend: bool) -> _Settled:
+def _told(
+    reader: EdgeReader, fit: EdgeFit, offsets: JointOffsets, values: F64, *, bend: bool
+) -> _Settled:
     """A settled fit with what was refined beside the pose, and with the doubt about it.
 
     Args:
         reader: With what was refined.
         fit: Settled.
-        spread: ``(n,)`` what the joints' zeros were expected to be off by, 0 for those held.
-        zeros: ``(n,)`` what they are.
+        offsets: What the joints may be off by.
+        values: ``(m,)`` what the offsets are.
         bend: Whether the lens was refined.
     """
-    free = np.flatnonzero(spread)
-    names = [reader.scene.rig.robot.joint_names[joint] for joint in free]
-    values, sigmas = zeros[free], np.zeros(0)
-    if len(free):
-        doubt = fit.freed(lens=bend, spread=spread, zeros=zeros)
-        sigmas, sigma_k = doubt.sigma_zeros[free], doubt.sigma_k
+    names, found, sigmas = list(offsets.names), values, np.zeros(0)
+    if names:
+        doubt = fit.freed(lens=bend, offsets=offsets, values=values)
+        sigmas, sigma_k = doubt.sigma_offsets, doubt.sigma_k
         fit = fit.with_doubt(doubt.pose_covariance)
     else:
         sigma_k = np.sqrt(np.diag(fit.lens.covariance))
         fit = fit.with_lens_doubt() if bend else fit
     if bend:
         names += LENS
-        values = np.r_[values, reader.scene.camera.distortion[:2]]
+        found = np.r_[values, reader.scene.camera.distortion[:2]]
         sigmas = np.r_[sigmas, sigma_k]
-    found = zip(names, values.tolist(), sigmas.tolist(), strict=True)
-    return _Settled(reader, fit, zeros, tuple(Strain(*one) for one in found))
+    refined = zip(names, found.tolist(), sigmas.tolist(), strict=True)
+    return _Settled(reader, fit, offsets.of(values), tuple(Strain(*one) for one in refined))
 
 
 @dataclass(frozen=True)

@@ -51,17 +51,17 @@ class Scene:
     def __len__(self) -> int:
         return len(self.joints)
 
-    def corrected(self, camera: Camera, joint_zeros: F64) -> Scene:
+    def corrected(self, camera: Camera, joint_offsets: F64) -> Scene:
         """The same arm with its joints corrected, seen through another lens.
 
         Args:
             camera: With the other lens, for pictures of the same size.
-            joint_zeros: ``(n,)`` added to the joints of every view.
+            joint_offsets: ``(V, n)`` added to the joints.
         """
         other = copy(self)
         other.camera = camera
-        if joint_zeros.any():
-            other.joints = self.joints + joint_zeros
+        if joint_offsets.any():
+            other.joints = self.joints + joint_offsets
             other._pose_links()
         other._renderers = {
             (reduction, coarse): renderer.with_camera(_reduced(camera, reduction))

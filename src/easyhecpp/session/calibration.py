@@ -26,7 +26,13 @@ from easyhecpp.session.masks import (
     inverted,
 )
 from easyhecpp.session.outcome import Outcome, joint_notes, with_final_views
-from easyhecpp.session.refinement import Refined, lens_notes, refine, refine_lens, zero_notes
+from easyhecpp.session.refinement import (
+    Refined,
+    joint_offset_notes,
+    lens_notes,
+    refine,
+    refine_lens,
+)
 from easyhecpp.session.screening import Screening, restored, screen_for_edges, screen_for_masks
 from easyhecpp.session.stages import Progress, Stages
 from easyhecpp.session.verdict import Verdict, judge
@@ -162,7 +168,7 @@ def calibrate(
         *outcome.notes,
         *short_mask_notes(outcome.masks, outcome.quality),
         *joint_notes(outcome.estimate),
-        *zero_notes(state.corrections, config.refine),
+        *joint_offset_notes(state.corrections, config.refine),
         *lens_notes(whole.camera, capture.camera, outcome.estimate),
     )
     views = screening.with_left_out(whole, _view_results(outcome))

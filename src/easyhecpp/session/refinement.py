@@ -1,11 +1,12 @@
 """Intrinsics and joint zeros refined together with the pose.
 
 What the user names, and unasked, where the outlines show it, the lens of a camera_info without
-distortion and the zeros of joints that err from view to view.
+distortion, the arm's sag and the zeros of its joints.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,13 +22,14 @@ from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.all_unknowns import INTRINSICS
 from easyhecpp.solve.consistency import solve_consistent
+from easyhecpp.solve.joint_offsets import SAG
 from easyhecpp.solve.nuisance import read_priors, refine_nuisances
 from easyhecpp.solve.strains import Strain
 
 F64 = NDArray[np.float64]
 
-_SURE_OF_ZERO = 2.5
-"""Standard deviations from which a joint's zero is worth a word."""
+_SURE_OF_OFFSET = 2.5
+"""Standard deviations from which sag or a joint's zero is worth a word."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def refine(state: Refined, words: tuple[str, ...], stages: Stages, config: Solve
         except CalibrationError as error:
             doubts = (*outcome.doubts, str(error))
             return replace(state, outcome=replace(outcome, doubts=doubts))
-        capture = _corrected(capture, found.camera, found.joint_zeros)
+        capture = _corrected(capture, found.camera, found.corrections)
         estimate, findings = solve_consistent(
             capture.rig,
             capture.camera,
@@ -118,10 +120,10 @@ def refine_lens(state: Refined, stages: Stages, config: SolveConfig) -> Refined:
 
 
 def corrected_by(capture: Capture, found: EdgeRefinement) -> Capture:
-    """The capture with the lens and the joints' zeros that the edge stage ended with."""
+    """The capture with the lens and the joints that the edge stage ended with."""
     if not found.corrections:
         return capture
-    return _corrected(capture, found.camera, found.joint_zeros)
+    return _corrected(capture, found.camera, found.corrections)
 
 
 def as_refined(capture: Capture, result: ResultFile) -> Capture:
@@ -135,13 +137,21 @@ def as_refined(capture: Capture, result: ResultFile) -> Capture:
         return capture
     stated, taken = capture.camera, result.camera.to_camera()
     same_size = (stated.width, stated.height) == (taken.width, taken.height)
-    zeros = {p.name: p.correction for p in result.refined}
-    off = np.array([zeros.get(name, 0.0) for name in capture.robot.joint_names])
-    return _corrected(capture, taken if same_size else stated, off)
+    corrections = [Strain(p.name, p.correction, p.sigma) for p in result.refined]
+    return _corrected(capture, taken if same_size else stated, corrections)
 
 
-def _corrected(capture: Capture, camera: Camera, joint_zeros: F64) -> Capture:
-    views = tuple(view.with_joints(view.joints + joint_zeros) for view in capture.views)
+def _corrected(capture: Capture, camera: Camera, corrections: Sequence[Strain]) -> Capture:
+    """The capture seen through another camera, its joints where the corrections put them."""
+    by = {strain.name: strain.value for strain in corrections}
+    robot = capture.robot
+    zeros = np.array([by.get(name, 0.0) for name in robot.joint_names])
+    sag = by.get(SAG, 0.0)
+
+    def stands(recorded: F64) -> F64:
+        return recorded + zeros + (sag * robot.sag(recorded) if sag else 0.0)
+
+    views = tuple(view.with_joints(stands(view.joints)) for view in capture.views)
     return replace(capture, camera=camera, views=views)
 
 
@@ -154,8 +164,10 @@ def add_corrections(before: tuple[Strain, ...], more: tuple[Strain, ...]) -> tup
     return tuple(known.values())
 
 
-def zero_notes(corrections: tuple[Strain, ...], asked_for: tuple[str, ...]) -> tuple[str, ...]:
-    """What the user should know about joints' zeros that were refined unasked.
+def joint_offset_notes(
+    corrections: tuple[Strain, ...], asked_for: tuple[str, ...]
+) -> tuple[str, ...]:
+    """What the user should know about joints that were found to be off, unasked, in all views.
 
     Args:
         corrections: What was refined.
@@ -163,17 +175,29 @@ def zero_notes(corrections: tuple[Strain, ...], asked_for: tuple[str, ...]) -> t
     """
     wanted = {word.partition("=")[0] for word in asked_for}
     sure = [
-        f"{c.name} {np.degrees(c.value):+.2f} (sigma {np.degrees(c.sigma):.2f})"
+        c
         for c in corrections
-        if c.name not in (*INTRINSICS, *wanted) and abs(c.z) > _SURE_OF_ZERO
+        if c.name not in (*INTRINSICS, *wanted) and abs(c.z) > _SURE_OF_OFFSET
     ]
-    if not sure:
-        return ()
-    return (
-        f"joints: the outlines ask for other zeros, in deg: {', '.join(sure)}. The pose goes with "
-        "them. Master the joints anew or correct them in the URDF: as long as they are off, the "
-        "tip is off by as much, however well the camera is known.",
-    )
+    notes = [
+        f"sag: the outlines show that the arm gives way under its weight, by {_degrees(c)} at the "
+        "most loaded joint when it is stretched out. The pose goes with the arm as it hangs: the "
+        "tip hangs lower than the recorded joints say."
+        for c in sure
+        if c.name == SAG
+    ]
+    zeros = [f"{c.name} {_degrees(c)}" for c in sure if c.name != SAG]
+    if zeros:
+        notes.append(
+            f"joints: the outlines ask for other zeros: {', '.join(zeros)}. The pose goes with "
+            "them. Master the joints anew or correct them in the URDF: as long as they are off, "
+            "the tip is off by as much, however well the camera is known."
+        )
+    return tuple(notes)
+
+
+def _degrees(angle: Strain) -> str:
+    return f"{np.degrees(angle.value):+.2f} deg (sigma {np.degrees(angle.sigma):.2f})"
 
 
 def lens_notes(stated: Camera, refined: Camera, estimate: PoseEstimate) -> tuple[str, ...]:

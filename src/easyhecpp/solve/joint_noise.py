@@ -116,6 +116,26 @@ class JointNoise:
             noise = replace(noise, variance=float(np.clip(variance, _SMALLEST**2, _LARGEST**2)))
         return noise
 
+    def log_evidence(self, information: F64, vectors: F64, prior: F64) -> float:
+        """Log of how likely the residuals are, all unknowns integrated out, up to a constant.
+
+        The constant is the same for other unknowns but for half the log determinant of the prior.
+
+        Args:
+            information: As for `marginal`; of the views that count.
+            vectors: As for `marginal`.
+            prior: As for `effects`.
+        """
+        s = self.shared
+        N, b = (one.sum(axis=0) for one in self.marginal(information, vectors))
+        N = N + prior
+        within, _ = self._within(information)
+        own = np.einsum("vi,vij,vj->", vectors[:, s:], within, vectors[:, s:])
+        fit = float(b @ np.linalg.solve(N, b)) + float(own)
+        # Of how much the joints' errors may be, how much is left.
+        left = float(np.linalg.slogdet(within / self.variance)[1].sum())
+        return 0.5 * (fit + left - float(np.linalg.slogdet(N)[1]))
+
     def _within(self, information: F64) -> tuple[F64, F64]:
         """Covariance ``(V, n, n)`` of the joints, the rest known, and the gain ``(V, s, n)``."""
         s = self.shared

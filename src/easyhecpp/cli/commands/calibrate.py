@@ -47,7 +47,7 @@ class Calibrate:
     joints (their zeros). Each may carry how far off it may be, as in focal=0.02 joint4=0.005:
     relative, pixels, of k1, radians or metres. Refused where the views cannot tell it from the
     pose. Unasked, where the outlines show it: a lens stated without distortion and, with edges,
-    the zeros of joints that err from view to view."""
+    the arm's sag and the zeros of joints."""
 
     strict: bool = False
     """Exit with 3 when the result is doubtful."""
