@@ -40,7 +40,20 @@ def test_a_joint_whose_zero_is_off_is_set_right(scene):
     assert correction.name == name
     assert abs(correction.value + off) < 3.0 * correction.sigma
     assert correction.sigma < 0.3 * off
-    assert found.joint_zeros == pytest.approx(correction.value * shift / off)
+    before = PoseError.between(plain.T_mount_cam, scene.T_mount_cam)
+    after = PoseError.between(found.T_mount_cam, scene.T_mount_cam)
+    assert after.position_mm < 0.7 * before.position_mm
+
+
+def test_an_arm_that_sags_is_set_right(scene):
+    give = 0.02
+    robot = scene.rig.robot
+    high = [replace(o, joints=o.joints - give * robot.sag(o.joints)) for o in scene.observations]
+    plain, found = refined(scene, scene.camera, high, ("sag=0.02",))
+    (correction,) = found.corrections
+    assert correction.name == "sag"
+    assert abs(correction.value - give) < 3.0 * correction.sigma
+    assert correction.sigma < 0.3 * give
     before = PoseError.between(plain.T_mount_cam, scene.T_mount_cam)
     after = PoseError.between(found.T_mount_cam, scene.T_mount_cam)
     assert after.position_mm < 0.7 * before.position_mm
@@ -77,7 +90,7 @@ def test_words_are_read_with_and_without_a_number():
 @pytest.mark.parametrize(
     ("word", "text"),
     [
-        ("elbow", "'elbow' cannot be refined.*some of focal, principal_point, lens, joint1"),
+        ("elbow", "'elbow' cannot be refined.*some of focal, principal_point, lens, sag, joint1"),
         ("focal=", "'focal=' does not say how far off"),
         ("joint1=-1", "a number above 0"),
         ("joint1=nan", "a number above 0"),

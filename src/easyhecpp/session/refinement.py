@@ -22,7 +22,7 @@ from easyhecpp.session.stages import Stages
 from easyhecpp.solve import PoseEstimate, SolveConfig
 from easyhecpp.solve.all_unknowns import INTRINSICS
 from easyhecpp.solve.consistency import solve_consistent
-from easyhecpp.solve.joint_offsets import SAG
+from easyhecpp.solve.joint_offsets import SAG, joints_as_they_stand
 from easyhecpp.solve.nuisance import read_priors, refine_nuisances
 from easyhecpp.solve.strains import Strain
 
@@ -144,14 +144,10 @@ def as_refined(capture: Capture, result: ResultFile) -> Capture:
 def _corrected(capture: Capture, camera: Camera, corrections: Sequence[Strain]) -> Capture:
     """The capture seen through another camera, its joints where the corrections put them."""
     by = {strain.name: strain.value for strain in corrections}
-    robot = capture.robot
-    zeros = np.array([by.get(name, 0.0) for name in robot.joint_names])
-    sag = by.get(SAG, 0.0)
-
-    def stands(recorded: F64) -> F64:
-        return recorded + zeros + (sag * robot.sag(recorded) if sag else 0.0)
-
-    views = tuple(view.with_joints(stands(view.joints)) for view in capture.views)
+    views = tuple(
+        view.with_joints(joints_as_they_stand(capture.robot, view.joints, by))
+        for view in capture.views
+    )
     return replace(capture, camera=camera, views=views)
 
 

@@ -1,7 +1,7 @@
 """The normal equations of everything that may be stated wrongly, beside the pose.
 
-The unknowns are ``[delta (6), dilation, focal, cx, cy, k1, k2, joint zeros (n)]``, with the noise
-model of the last stage and the mask errors that views repeat.
+The unknowns are ``[delta (6), dilation, focal, cx, cy, k1, k2, joint zeros (n), sag]``, with the
+noise model of the last stage and the mask errors that views repeat.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
 from easyhecpp.rig import Rig
 from easyhecpp.solve.correlation import average_samples, fit_noise
+from easyhecpp.solve.joint_offsets import SAG
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.lens import LENS, lens_columns
 from easyhecpp.solve.problem import PoseProblem
@@ -27,6 +28,9 @@ POSE = 7
 
 INTRINSICS = ("focal", "cx", "cy", *LENS)
 
+JOINTS = slice(POSE + len(INTRINSICS), -1)
+"""Their zeros among the unknowns."""
+
 DILATION_INFORMATION = 4.0
 
 _SMOOTHING_PX = 1.2
@@ -34,7 +38,7 @@ _SMOOTHING_PX = 1.2
 
 def names_of(rig: Rig) -> tuple[str, ...]:
     """The unknowns after the pose and the dilation, in their order."""
-    return (*INTRINSICS, *rig.robot.joint_names)
+    return (*INTRINSICS, *rig.robot.joint_names, SAG)
 
 
 def intrinsic_columns(camera: Camera, points: F64, normals: F64) -> F64:
@@ -72,6 +76,7 @@ def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F6
     noise = fit_noise(points, problem.weights, _SMOOTHING_PX)
     joints = np.stack([o.joints for o in problem.observations])
     twists = joint_twists(problem.rig, joints, T_cam_mount, problem.centre_cam(T_cam_mount))
+    sag = problem.rig.robot.sag(joints)
     size = POSE + len(names_of(problem.rig))
     repeats = Repeats.among(points, problem.weights)
     shared = repeats.shared([p.residuals for p in points])
@@ -79,10 +84,12 @@ def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F6
 
     def one(view: int) -> tuple[F64, F64]:
         p = points[view]
+        by_joint = by_joints(p.jacobians, p.links, twists[view])
         own = np.column_stack(
             [
                 intrinsic_columns(problem.camera, p.points, p.normals),
-                by_joints(p.jacobians, p.links, twists[view]),
+                by_joint,
+                by_joint @ sag[view],
             ]
         )
         A = np.column_stack([noise.design(p), noise.gain * own])

@@ -12,12 +12,13 @@ arm, as the pose does, and the pose is then that in the base which the recorded 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp.robot import Robot
 from easyhecpp.solve.joint_noise import UNDERSTATED, JointNoise
 from easyhecpp.solve.lens import LENS_PRIOR
 
@@ -104,6 +105,19 @@ class JointOffsets:
         whole = np.diag([*np.zeros(_POSE), _HELD, *of_lens, *self.spread**-2])
         whole[:_POSE, :_POSE] = of_pose
         return whole
+
+
+def joints_as_they_stand(robot: Robot, recorded: F64, corrections: Mapping[str, float]) -> F64:
+    """Recorded joints, ``(..., n)``, with their sag and their zeros corrected.
+
+    Args:
+        robot: The arm.
+        recorded: ``(..., n)``.
+        corrections: Values by `SAG` or a joint's name; others are of no concern here.
+    """
+    zeros = np.array([corrections.get(name, 0.0) for name in robot.joint_names])
+    sag = corrections.get(SAG, 0.0)
+    return recorded + zeros + (sag * robot.sag(recorded) if sag else 0.0)
 
 
 def offsets_asked(

@@ -1,4 +1,4 @@
-"""Intrinsics and joint zeros refined together with the pose.
+"""Intrinsics, joint zeros and sag refined together with the pose.
 
 Steps on the normal equations of all unknowns (`all_unknowns`), with a prior on each parameter.
 """
@@ -23,6 +23,7 @@ from easyhecpp.solve.all_unknowns import (
     without_pose,
 )
 from easyhecpp.solve.correlated import covariance_inflation
+from easyhecpp.solve.joint_offsets import SAG, SAG_PRIOR, joints_as_they_stand
 from easyhecpp.solve.lens import FOCAL_PRIOR, LENS, LENS_PRIOR, bent
 from easyhecpp.solve.problem import PoseProblem
 from easyhecpp.solve.strains import Strain
@@ -37,7 +38,7 @@ _LARGEST_SHARE = 1.0 / 3.0
 which stands still, tells a turn of the first joint from one of the base, but barely: a cover that
 the meshes lack would outweigh it."""
 
-_PRIORS = {"focal": FOCAL_PRIOR, "principal_point": 15.0, "lens": LENS_PRIOR}
+_PRIORS = {"focal": FOCAL_PRIOR, "principal_point": 15.0, "lens": LENS_PRIOR, SAG: SAG_PRIOR}
 _JOINT_PRIOR = 0.01
 """Standard deviations of what is refined without a number: relative, pixels, of ``k1``, radians or
 metres."""
@@ -57,7 +58,6 @@ class Refinement:
     Attributes:
         T_mount_cam: ``(4, 4)`` pose that goes with them.
         camera: Refined intrinsics.
-        joint_zeros: ``(n,)`` to be added to recorded joint values.
         corrections: Value and standard deviation of every refined parameter.
         pose_covariance: ``(6, 6)`` that the doubt about these parameters adds to the covariance of
             the tangent ``[v, w]`` in ``T_mount_cam @ exp([v, w])``.
@@ -65,22 +65,21 @@ class Refinement:
 
     T_mount_cam: F64
     camera: Camera
-    joint_zeros: F64
     corrections: tuple[Strain, ...]
     pose_covariance: F64
 
 
 def read_priors(words: Sequence[str], joint_names: Sequence[str]) -> dict[str, float]:
-    """What to refine, from words such as ``focal``, ``lens`` or ``joint4=0.02``.
+    """What to refine, from words such as ``focal``, ``lens``, ``sag`` or ``joint4=0.02``.
 
     Args:
         words: Names, each with ``=`` and a standard deviation of its own or without: relative for
             the focal length, pixels for the principal point, of ``k1`` for the lens (``k2`` may be
-            twice as far off), radians or metres for joints.
+            twice as far off), radians or metres for sag and joints.
         joint_names: Of the arm.
 
     Returns:
-        Standard deviations by ``focal``, ``cx``, ``cy``, ``k1``, ``k2`` and joint name.
+        Standard deviations by ``focal``, ``cx``, ``cy``, ``k1``, ``k2``, ``sag`` and joint name.
 
     Raises:
         InputError: A name that is neither, or no positive number after the ``=``.
@@ -122,7 +121,7 @@ def refine_nuisances(
     T_mount_cam: F64,
     priors: Mapping[str, float],
 ) -> Refinement:
-    """Refine pose, intrinsics and joint zeros together.
+    """Refine pose, intrinsics, joint zeros and sag together.
 
     Args:
         rig: Robot and set-up.
@@ -138,13 +137,13 @@ def refine_nuisances(
     names = [name for name in names_of(rig) if name in priors]
     chosen = np.array([names_of(rig).index(name) for name in names], np.int64) + POSE
     prior = np.array([priors[name] for name in names])
-    refined, zeros = camera, np.zeros(rig.robot.n_joints)
+    refined, joints = camera, [o.joints for o in observations]
     total = np.zeros(len(chosen))
     T = inverse(np.asarray(T_mount_cam, np.float64))
     inflation = covariance_inflation(sum(o.weight > 0.0 for o in observations))
     covariance, added = np.zeros((len(chosen), len(chosen))), np.zeros((6, 6))
     for step in range(_ROUNDS):
-        moved = [replace(o, joints=o.joints + zeros) for o in observations]
+        moved = [replace(o, joints=q) for o, q in zip(observations, joints, strict=True)]
         problem = PoseProblem(rig, refined, moved)
         N, b = summed(*normal_equations_by_view(problem, T))
         if step == 0:
@@ -162,12 +161,14 @@ def refine_nuisances(
         added = pose_covariance_from_centred(whole[:6, :6] - known[:6, :6], centre)
         T = perturb_about(T, centre, solved[:6])
         total = total + solved[POSE:]
-        refined, zeros = _corrected(rig, camera, names, total)
+        by_name = dict(zip(names, total.tolist(), strict=True))
+        refined = _corrected(camera, by_name)
+        joints = [joints_as_they_stand(rig.robot, o.joints, by_name) for o in observations]
     sigma = np.sqrt(np.diag(covariance))
     corrections = tuple(
         Strain(n, float(v), float(s)) for n, v, s in zip(names, total, sigma, strict=True)
     )
-    return Refinement(inverse(T), refined, zeros, corrections, added)
+    return Refinement(inverse(T), refined, corrections, added)
 
 
 def _refuse_unknowable(
@@ -194,9 +195,8 @@ def _refuse_unknowable(
         )
 
 
-def _corrected(rig: Rig, camera: Camera, names: Sequence[str], total: F64) -> tuple[Camera, F64]:
-    """The stated intrinsics with the corrections, and the joint zeros ``(n,)``."""
-    by_name = dict(zip(names, total, strict=True))
+def _corrected(camera: Camera, by_name: Mapping[str, float]) -> Camera:
+    """The stated intrinsics with the corrections."""
     factor = 1.0 + by_name.get("focal", 0.0)
     camera = replace(
         camera,
@@ -207,4 +207,4 @@ def _corrected(rig: Rig, camera: Camera, names: Sequence[str], total: F64) -> tu
     )
     if any(name in by_name for name in LENS):
         camera = bent(camera, np.array([by_name.get(name, 0.0) for name in LENS]))
-    return camera, np.array([by_name.get(n, 0.0) for n in rig.robot.joint_names])
+    return camera

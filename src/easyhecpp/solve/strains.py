@@ -1,4 +1,4 @@
-"""Intrinsics and joint zeros that do not fit: a test that costs little.
+"""Intrinsics, joint zeros and sag that do not fit: a test that costs little.
 
 It rests on the normal equations of all unknowns (`all_unknowns`). What the pose can imitate is
 taken out first (Schur complement): what is left is what the data say about a parameter when the
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from easyhecpp.solve.all_unknowns import (
     DILATION_INFORMATION,
     INTRINSICS,
+    JOINTS,
     POSE,
     names_of,
     normal_equations_by_view,
@@ -28,16 +29,14 @@ from easyhecpp.solve.problem import PoseProblem
 
 F64 = NDArray[np.float64]
 
-_JOINTS = POSE + len(INTRINSICS)
-
 
 @dataclass(frozen=True)
 class Strain:
     """What the residuals say about a parameter that was taken as known.
 
     Attributes:
-        name: ``focal`` (relative), ``cx``, ``cy`` (pixels), ``k1``, ``k2`` or a joint's name
-            (radians or metres).
+        name: ``focal`` (relative), ``cx``, ``cy`` (pixels), ``k1``, ``k2``, a joint's name
+            (radians or metres) or ``sag`` (radians).
         value: Correction that the residuals ask for, pose free.
         sigma: Its standard deviation; infinite where the pose can imitate it.
     """
@@ -76,7 +75,7 @@ def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[tuple[Strain, ...],
         sigma = float(np.sqrt(inflation * (1.0 + spread / information) / information))
         found.append(Strain(name, value, sigma))
     focal_and_lens = [POSE + INTRINSICS.index(name) for name in ("focal", "k1", "k2")]
-    chosen = np.r_[:POSE, focal_and_lens, _JOINTS : len(N)].astype(np.int64)
+    chosen = np.r_[:POSE, focal_and_lens, np.arange(len(N))[JOINTS]].astype(np.int64)
     each = np.arange(len(views))
     lens = lens_strain(
         views[np.ix_(each, chosen, chosen)], sides[:, chosen], _dilation_prior(), inflation
@@ -104,7 +103,7 @@ def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> fl
         value: What the data say of it.
     """
     # The zero of a joint moves the outline as its error in one view does.
-    unknowns = np.concatenate([np.arange(POSE), np.arange(_JOINTS, len(N))])
+    unknowns = np.concatenate([np.arange(POSE), np.arange(len(N))[JOINTS]])
     left = sides - views[:, :, k] * value
     noise = JointNoise().fitted(
         views[np.ix_(np.arange(len(views)), unknowns, unknowns)],
@@ -112,5 +111,5 @@ def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> fl
         _dilation_prior(),
     )
     gain = np.linalg.solve(N[:POSE, :POSE], N[:POSE, k])
-    pull = views[:, k, _JOINTS:] - np.einsum("p,vpj->vj", gain, views[:, :POSE, _JOINTS:])
+    pull = views[:, k, JOINTS] - np.einsum("p,vpj->vj", gain, views[:, :POSE, JOINTS])
     return noise.variance * float(np.square(pull).sum())

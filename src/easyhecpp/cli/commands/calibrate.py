@@ -43,8 +43,8 @@ class Calibrate:
     """Leave out the last stage, which fits the outline to the image's own edges."""
 
     refine: tuple[str, ...] = ()
-    """Refine with the pose what may be off: focal, principal_point, lens (k1 and k2), names of
-    joints (their zeros). Each may carry how far off it may be, as in focal=0.02 joint4=0.005:
+    """Refine with the pose what may be off: focal, principal_point, lens (k1 and k2), sag, names
+    of joints (their zeros). Each may carry how far off it may be, as in focal=0.02 joint4=0.005:
     relative, pixels, of k1, radians or metres. Refused where the views cannot tell it from the
     pose. Unasked, where the outlines show it: a lens stated without distortion and, with edges,
     the arm's sag and the zeros of joints."""
