@@ -225,14 +225,16 @@ def test_an_arm_that_sags_is_found_as_it_hangs(seed):
     assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
 
 
-def test_joints_that_err_afresh_in_every_view_are_no_sag_and_no_zeros():
-    case = photographed(4, n_views=8)
-    rng = np.random.default_rng(4)
+@pytest.mark.parametrize("seed", [4, 6])
+def test_joints_that_err_afresh_in_every_view_are_no_zeros_and_no_sure_sag(seed):
+    case = photographed(seed, n_views=8)
+    rng = np.random.default_rng(seed)
     recorded = [q + 2e-3 * rng.standard_normal(len(q)) for q in case.joints]
     start = _start(case, np.zeros(6), recorded)
     scene = Scene(case.rig, case.camera, recorded)
     refined = refine_edges(Backgrounds(scene, case.images, start.T_mount_cam), start)
-    assert refined.corrections == ()
+    # Chance may look like a little sag; its error bar then says that it is none.
+    assert all(c.name == "sag" and abs(c.z) < 2.5 for c in refined.corrections)
     step = log_se3(inverse(refined.estimate.T_mount_cam) @ case.T_mount_cam)
     assert step @ np.linalg.solve(refined.estimate.covariance, step) < 22.5
 
