@@ -36,8 +36,9 @@ FEWEST = 60
 _DILATION_PRIOR_PX = 0.15
 """Edges common to all contours: sharpening halos and the lens' blur, not a segmenter's habits."""
 
-_INTRINSICS = 3
-"""Focal length, ``k1`` and ``k2``: not solved for, but tested for what they would explain."""
+_POSE, _INTRINSICS, _LENS = 7, 3, slice(8, 10)
+"""Unknowns of the pose (``delta`` and the dilation), and after them the focal length, ``k1`` and
+``k2``, which are not solved for, but tested for what they would explain; the joints come last."""
 
 _SMALLEST_SCALE_PX = 0.25
 _BLUR_PX = 1.0
@@ -86,15 +87,14 @@ class EdgeFit:
         centre_cam: ``(3,)`` the point that ``delta`` turns about.
         step: ``(6,)`` the ``delta`` to a better pose, tiny once settled.
         covariance: ``(6, 6)`` of ``delta``.
-        information, vectors: ``(V, 7, 7)`` and ``(V, 7)`` of each view on [delta, dilation].
+        information, vectors: ``(V, 10 + n, 10 + n)`` and ``(V, 10 + n)`` of each view on
+            ``[delta, dilation, focal, k1, k2, joints]``; 0 for those that do not count.
         dilation: Displacement common to all edges, pixels.
         noise: Errors along the contour.
         sources: Errors that links and postures share.
         readings, weights: The edges at the solution and the say that each sample has.
         lens: What the edges say about the lens.
         by_lens: ``(6, 2)`` how ``delta`` follows ``k1`` and ``k2``.
-        all_information, all_vectors: ``(V, 10 + n, 10 + n)`` and ``(V, 10 + n)`` of each view on
-            ``[delta, dilation, focal, k1, k2, joints]``; 0 for those that do not count.
         joint_noise: Standard deviation of the joints, fresh in every view, rad (m).
     """
 
@@ -111,8 +111,6 @@ class EdgeFit:
     weights: list[F64]
     lens: LensStrain
     by_lens: F64
-    all_information: F64
-    all_vectors: F64
     joint_noise: float
 
     @classmethod
@@ -144,21 +142,18 @@ class EdgeFit:
         sources = Sources.fitted(points, trust)
         left = parallel_map(sources.removed, points)
         noise = fit_noise(left, trust, _BLUR_PX)
-        whole, sides = _information(points, noise, sources, trust, scene.camera)
+        information, vectors = _information(points, noise, sources, trust, scene.camera)
         count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
         prior = _prior()
-        posed, posed_sides = whole[:, :-_INTRINSICS, :-_INTRINSICS], sides[:, :-_INTRINSICS]
-        joint_noise = JointNoise().fitted(posed[count], posed_sides[count], prior)
-        information, vectors = whole[:, :7, :7], sides[:, :7]
-        N = information.sum(axis=0) + prior
+        known_lens = np.r_[:_POSE, _POSE + _INTRINSICS : information.shape[1]]
+        posed = information[np.ix_(count, known_lens, known_lens)]
+        joint_noise = JointNoise().fitted(posed, vectors[np.ix_(count, known_lens)], prior)
+        of_pose, sides = information[:, :_POSE, :_POSE], vectors[:, :_POSE]
+        N = of_pose.sum(axis=0) + prior
         if np.linalg.cond(N) > 1e16:
             return None
-        solution = np.linalg.solve(N, vectors.sum(axis=0))
-        spread = between_views(
-            N, N + joint_noise.pulls(posed[count]), information, vectors, solution
-        )
-        order = np.r_[:7, -_INTRINSICS:0, 7 : posed.shape[1]]
-        whole, sides = whole[:, order[:, None], order], sides[:, order]
+        solution = np.linalg.solve(N, sides.sum(axis=0))
+        spread = between_views(N, N + joint_noise.pulls(posed), of_pose, sides, solution)
         return cls(
             T_mount_cam=T_mount_cam,
             centre_cam=centre,
@@ -171,10 +166,8 @@ class EdgeFit:
             sources=sources,
             readings=readings,
             weights=weights,
-            lens=lens_strain(whole[count], sides[count], prior, COVARIANCE_INFLATION),
-            by_lens=-np.linalg.solve(N, whole[:, :7, 8:10].sum(axis=0))[:6],
-            all_information=whole,
-            all_vectors=sides,
+            lens=lens_strain(information[count], vectors[count], prior, COVARIANCE_INFLATION),
+            by_lens=-np.linalg.solve(N, information[:, :_POSE, _LENS].sum(axis=0))[:6],
             joint_noise=float(np.sqrt(UNDERSTATED * joint_noise.variance)),
         )
 
@@ -198,7 +191,7 @@ class EdgeFit:
         """
         robot = scene.rig.robot
         return offsets_asked(
-            self.all_information, self.all_vectors, _prior(), sag=robot.sag(scene.joints),
+            self.information, self.vectors, _prior(), sag=robot.sag(scene.joints),
             joint_names=robot.joint_names,
         )  # fmt: skip
 
@@ -211,7 +204,7 @@ class EdgeFit:
             values: ``(m,)`` what this fit takes the offsets to be.
         """
         return freed_step(
-            self.all_information, self.all_vectors, _prior(),
+            self.information, self.vectors, _prior(),
             lens=lens, offsets=offsets, values=values, inflation=COVARIANCE_INFLATION,
         )  # fmt: skip
 
@@ -275,8 +268,8 @@ class EdgeFit:
             message="The pose settled on the edges in the images.",
             centre_cam=self.centre_cam,
             contours=tuple(contours),
-            information=self.information,
-            vectors=self.vectors,
+            information=self.information[:, :_POSE, :_POSE],
+            vectors=self.vectors[:, :_POSE],
             # What masks see of the joints counts, except for what sag and better zeros explain.
             joint_noise=min(start.joint_noise, self.joint_noise) if offset else start.joint_noise,
         )
@@ -292,7 +285,7 @@ def _information(
 ) -> tuple[F64, F64]:
     """Information ``(V, k, k)`` of each view, and vectors ``(V, k)``.
 
-    Of [delta, dilation, joints, focal length, k1, k2].
+    Of [delta, dilation, focal length, k1, k2, joints].
     """
     # In every view an edge that never moves is the same measurement again.
     repeats = max(1, sum(t > 0.0 and len(v) > 0 for t, v in zip(trust, views, strict=True)))
@@ -300,14 +293,14 @@ def _information(
     def one(index: int) -> tuple[F64, F64]:
         view = views[index]
         if len(view) == 0 or trust[index] <= 0.0:
-            k = 7 + view.joints.shape[1] + _INTRINSICS
+            k = _POSE + view.joints.shape[1] + _INTRINSICS
             return np.zeros((k, k)), np.zeros(k)
         p = view.points
         C = noise.covariance(p, index) + sources.covariance(view)
         scale = np.where(view.still, np.sqrt(repeats), 1.0)
         C *= scale[:, None] * scale[None]
         focal_and_lens = intrinsic_columns(camera, p.points, p.normals)[:, [0, 3, 4]]
-        A = np.column_stack([p.jacobians, np.ones(len(p)), view.joints, focal_and_lens])
+        A = np.column_stack([p.jacobians, np.ones(len(p)), focal_and_lens, view.joints])
         factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
         return trust[index] * (A.T @ CA[:, :-1]), trust[index] * (A.T @ CA[:, -1])
