@@ -37,8 +37,8 @@ _DILATION_PRIOR_PX = 0.15
 """Edges common to all contours: sharpening halos and the lens' blur, not a segmenter's habits."""
 
 _POSE, _INTRINSICS, _LENS = 7, 3, slice(8, 10)
-"""Unknowns of the pose (``delta`` and the dilation), and after them the focal length, ``k1`` and
-``k2``, which are not solved for, but tested for what they would explain; the joints come last."""
+"""Unknowns of the pose (``delta`` and the dilation); then focal length, ``k1`` and ``k2``, which
+are not solved for, but tested for what they would explain; the joints come last."""
 
 _SMALLEST_SCALE_PX = 0.25
 _BLUR_PX = 1.0
@@ -142,18 +142,19 @@ class EdgeFit:
         sources = Sources.fitted(points, trust)
         left = parallel_map(sources.removed, points)
         noise = fit_noise(left, trust, _BLUR_PX)
-        information, vectors = _information(points, noise, sources, trust, scene.camera)
+        whole, sides = _information(points, noise, sources, trust, scene.camera)
         count = np.array([len(p) > 0 for p in points]) & (trust > 0.0)
         prior = _prior()
-        known_lens = np.r_[:_POSE, _POSE + _INTRINSICS : information.shape[1]]
-        posed = information[np.ix_(count, known_lens, known_lens)]
-        joint_noise = JointNoise().fitted(posed, vectors[np.ix_(count, known_lens)], prior)
-        of_pose, sides = information[:, :_POSE, :_POSE], vectors[:, :_POSE]
+        posed = whole[count, :-_INTRINSICS, :-_INTRINSICS]
+        joint_noise = JointNoise().fitted(posed, sides[count, :-_INTRINSICS], prior)
+        of_pose, pulls = whole[:, :_POSE, :_POSE], sides[:, :_POSE]
         N = of_pose.sum(axis=0) + prior
         if np.linalg.cond(N) > 1e16:
             return None
-        solution = np.linalg.solve(N, sides.sum(axis=0))
-        spread = between_views(N, N + joint_noise.pulls(posed), of_pose, sides, solution)
+        solution = np.linalg.solve(N, pulls.sum(axis=0))
+        spread = between_views(N, N + joint_noise.pulls(posed), of_pose, pulls, solution)
+        order = np.r_[:_POSE, -_INTRINSICS:0, _POSE : posed.shape[1]]
+        information, vectors = whole[:, order[:, None], order], sides[:, order]
         return cls(
             T_mount_cam=T_mount_cam,
             centre_cam=centre,
@@ -285,7 +286,7 @@ def _information(
 ) -> tuple[F64, F64]:
     """Information ``(V, k, k)`` of each view, and vectors ``(V, k)``.
 
-    Of [delta, dilation, focal length, k1, k2, joints].
+    Of [delta, dilation, joints, focal length, k1, k2].
     """
     # In every view an edge that never moves is the same measurement again.
     repeats = max(1, sum(t > 0.0 and len(v) > 0 for t, v in zip(trust, views, strict=True)))
@@ -300,7 +301,7 @@ def _information(
         scale = np.where(view.still, np.sqrt(repeats), 1.0)
         C *= scale[:, None] * scale[None]
         focal_and_lens = intrinsic_columns(camera, p.points, p.normals)[:, [0, 3, 4]]
-        A = np.column_stack([p.jacobians, np.ones(len(p)), focal_and_lens, view.joints])
+        A = np.column_stack([p.jacobians, np.ones(len(p)), view.joints, focal_and_lens])
         factor = cho_factor(C, lower=True, check_finite=False)
         CA = cho_solve(factor, np.column_stack([A, p.residuals]), check_finite=False)
         return trust[index] * (A.T @ CA[:, :-1]), trust[index] * (A.T @ CA[:, -1])
