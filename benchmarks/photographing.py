@@ -7,7 +7,7 @@ from timing import measure
 
 from easyhecpp.bench.table import Table
 from easyhecpp.sim import Cell, CellOptions
-from easyhecpp.sim.studio import PREVIEW, Quality
+from easyhecpp.sim.studio import PREVIEW, Quality, tracer
 
 VIEWS = 5
 
@@ -42,5 +42,8 @@ def run(seed: int, budget_s: float) -> Table:
                 ("a preview of 640x360", preview),
             )
         ),
-        notes=("A scene: a new random cell, its joint poses, pictures and exact truth.",),
+        notes=(
+            "A scene: a new random cell, its joint poses, pictures and exact truth. Traced by "
+            f"Mitsuba's {tracer()}.",
+        ),
     )
