@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import CAPTURES, SAME_DEGREES, SAME_METRES
+from recordings import CAPTURES, SAME_DEGREES, SAME_METRES, turned
 
 from easyhecpp.bench.metrics import chi_square
 from easyhecpp.capture import Capture
@@ -65,3 +65,17 @@ def test_six_views_find_the_camera_that_all_find(both: Both) -> None:
         metres, radians = pose_error(found.T_mount_cam, both.images.T_mount_cam)
         assert metres <= SAME_METRES, chosen
         assert np.degrees(radians) <= SAME_DEGREES, chosen
+
+
+@pytest.mark.parametrize("quarters", [1, 2])
+def test_a_camera_turned_about_its_axis_is_found_where_it_stands(both: Both, quarters: int) -> None:
+    capture, turn = turned(both.capture, quarters)
+    found = calibrate(capture, CalibrationConfig(segmenter="classical"))
+    assert found.result.verdict == "ok", found.result.reasons
+    metres, radians = pose_error(found.T_mount_cam, both.images.T_mount_cam @ turn)
+    assert metres <= 0.002
+    assert np.degrees(radians) <= 0.1
+    masks = calibrate(capture, CalibrationConfig(segmenter="given", edges=False))
+    metres, radians = pose_error(masks.T_mount_cam, both.masks.T_mount_cam @ turn)
+    assert metres <= 0.003
+    assert np.degrees(radians) <= 0.1

@@ -12,9 +12,9 @@ from small_arm import observe, scene, small_arm
 
 from easyhecpp.camera import Camera
 from easyhecpp.errors import InputError
-from easyhecpp.geometry import exp_se3, inverse, look_at, pose_error, rotation_angle
+from easyhecpp.geometry import exp_se3, exp_so3, inverse, look_at, pose_error, rotation_angle
 from easyhecpp.initialise import InitialPose, SamplingConfig, sample_initial_pose
-from easyhecpp.initialise.seeds import default_seeds, paper_seeds
+from easyhecpp.initialise.seeds import default_seeds, paper_seeds, seeds_between, turned_seeds
 from easyhecpp.rig import Rig
 from easyhecpp.robot import Robot
 from easyhecpp.sim.robots import load_robot
@@ -51,9 +51,15 @@ def assert_in_the_basin(found: InitialPose, view: SimScene) -> None:
     assert found.score > 0.9
 
 
-@pytest.mark.parametrize("roll", [-30.0, 30.0])
+@pytest.mark.parametrize("roll", [-30.0, 30.0, 75.0, -100.0, 135.0, 180.0])
 def test_rolled_cameras(roll: float) -> None:
     view = seen_from((1.4, 0.5, 0.8), roll_deg=roll)
+    assert_in_the_basin(find(view), view)
+
+
+@pytest.mark.parametrize("roll", [75.0, 180.0])
+def test_one_view_of_a_rolled_camera(roll: float) -> None:
+    view = seen_from((1.4, 0.5, 0.8), roll_deg=roll, joints=JOINTS[:1])
     assert_in_the_basin(find(view), view)
 
 
@@ -190,6 +196,15 @@ def test_seeds_lie_all_around_below_too_and_rolled() -> None:
     tilt = np.degrees(np.arcsin(np.clip(seeds[:, 2, 0], -1, 1)))
     assert tilt.min() < -20.0
     assert tilt.max() > 20.0
+
+
+def test_with_the_turned_seeds_no_camera_is_far_from_a_seed() -> None:
+    place = np.zeros(3), 2.0
+    parts = [default_seeds(*place), seeds_between(*place), turned_seeds(*place)]
+    seeds = np.concatenate(parts)[:, :3, :3]
+    rng = np.random.default_rng(0)
+    for wanted in exp_so3(rng.normal(size=(200, 3)) * 2.0):
+        assert np.degrees(rotation_angle(wanted.T @ seeds).min()) < 35.0
 
 
 def test_a_random_azimuth_on_request() -> None:

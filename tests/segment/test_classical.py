@@ -28,6 +28,26 @@ def test_from_images_alone(seed):
         assert (made.mask & true).sum() / (made.mask | true).sum() > 0.95
 
 
+@pytest.mark.parametrize("quarters", [1, 2])
+def test_a_camera_on_its_side_or_upside_down(quarters):
+    """Or one that stands upright before an arm on a wall or a ceiling."""
+    case = photographed(3, n_views=6)
+    images = [np.ascontiguousarray(np.rot90(image, quarters)) for image in case.images]
+    camera, turn = case.camera, np.eye(4)
+    for _ in range(quarters):
+        # One turn, counter-clockwise as seen, takes (x, y) to (y, width - 1 - x).
+        camera = Camera(
+            camera.height, camera.width, camera.fy, camera.fx, camera.cy,
+            camera.width - 1 - camera.cx,
+        )  # fmt: skip
+        turn[:3, :3] = turn[:3, :3] @ np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    result = calibrate_from_images(case.rig, camera, images, case.joints)
+    metres, radians = pose_error(result.T_mount_cam, case.T_mount_cam @ turn)
+    assert metres < 0.003
+    assert radians < np.deg2rad(0.12)
+    assert result.sure, result.reasons
+
+
 def test_what_moves_besides_the_arm_does_no_harm():
     case = photographed(1)
     rng = np.random.default_rng(5)

@@ -5,16 +5,23 @@ import pytest
 from scenes_small import photographed
 
 from easyhecpp.camera import Camera
-from easyhecpp.geometry import inverse, perturb_about, pose_error, transform_points
+from easyhecpp.geometry import (
+    exp_so3,
+    inverse,
+    perturb_about,
+    pose_error,
+    rotation_angle,
+    transform_points,
+)
 from easyhecpp.segment.classical.change import change_maps, pairs_to_compare
 from easyhecpp.segment.classical.climb import climb
+from easyhecpp.segment.classical.grid import TURNED, UPRIGHT
 from easyhecpp.segment.classical.lines import line_posteriors
 from easyhecpp.segment.classical.plate import PlateConfig, plate_distance, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
 from easyhecpp.segment.classical.search import (
     PairScore,
     Scored,
-    SeedGrid,
     distinct,
     informative_pairs,
     search,
@@ -133,7 +140,7 @@ def test_distinct_keeps_the_best_of_each_group():
 
 def test_seeds_look_at_the_arm_from_all_sides_and_from_below():
     scene = _scene()
-    seeds = SeedGrid().poses(scene)
+    seeds = UPRIGHT.poses(scene)
     ahead = seeds[:, :3, 2]
     towards = scene.centre_mount - seeds[:, :3, 3]
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
@@ -148,11 +155,38 @@ def test_a_seed_is_turned_to_where_the_change_is():
     )
     T_cam_mount = inverse(case.T_mount_cam)
     turn = perturb_about(T_cam_mount, np.zeros(3), np.array([0, 0, 0, 0.06, -0.05, 0.0]))
-    best = search(scene, changes, inverse(turn)[None], max_pairs=8, keep=1)[0]
+    size = {"size_px": 80, "max_pairs": 8}
+    best = search(scene, changes, inverse(turn)[None], np.zeros(1), keep=1, **size)[0]
     assert pose_error(best.T_mount_cam, case.T_mount_cam)[1] < np.deg2rad(1.5)
     score = PairScore(scene, changes, 0.3)
     assert score(best.T_mount_cam) > score(inverse(turn))
     assert score(case.T_mount_cam) > 0.5
+
+
+def test_a_seed_is_tried_at_every_turn_about_its_axis():
+    case, scene = photographed(2), _scene()
+    changes = change_maps(
+        load_pictures(case.images, case.camera, 4), pairs_to_compare(scene.motion)
+    )
+    turns = TURNED.turns
+    for k in (3, 11, 20):
+        off = inverse(perturb_about(np.eye(4), np.zeros(3), np.array([0, 0, 0, 0, 0, turns[k]])))
+        seed = case.T_mount_cam @ off
+        found = search(scene, changes, seed[None], turns, size_px=80, max_pairs=8, keep=30)
+        scores = [s.score for s in found]
+        assert scores == sorted(scores, reverse=True)
+        assert pose_error(found[0].T_mount_cam, case.T_mount_cam)[1] < np.deg2rad(2.0)
+        assert scores[0] > 1.5 * scores[1]
+
+
+def test_the_turned_seeds_leave_no_camera_far_from_a_seed():
+    scene = _scene()
+    seeds, turns = TURNED.poses(scene)[:, :3, :3], exp_so3(np.outer(TURNED.turns, [0, 0, 1]))
+    every = np.unique((seeds[:, None] @ turns).reshape(-1, 9).round(6), axis=0).reshape(-1, 3, 3)
+    rng = np.random.default_rng(0)
+    for wanted in exp_so3(rng.normal(size=(200, 3)) * 2.0):
+        # The nearest seed looks along nearly the same line and is turned nearly the same.
+        assert np.degrees(rotation_angle(wanted.T @ every).min()) < 20.0
 
 
 def test_a_seed_climbs_to_the_truth():

@@ -29,9 +29,9 @@ from easyhecpp.bench.stages import (
 )
 from easyhecpp.errors import InputError
 from easyhecpp.explore import METHODS, ExploreConfig, Knowledge, choose_next
-from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import options_for
 from easyhecpp.sim.possible_poses import PossiblePoses
+from easyhecpp.sim.random_cell import cell_with_poses
 from easyhecpp.sim.robots import load_robot
 from easyhecpp.sim.studio import FULL, mitsuba, tracer
 from easyhecpp.solve import PoseEstimate
@@ -242,8 +242,7 @@ def make_stage(bench: EyeToHandBench, blind: F64, scene: int) -> tuple[Stage, F6
     width, height = bench.size
     options = replace(options_for("normal"), width=width, height=height)
     rng = np.random.default_rng(seed)
-    cell = Cell.random(bench.robot, rng, options=options)
-    extra = cell.random_joints(bench.extra, rng)
+    cell, extra = cell_with_poses(bench.robot, rng, options, bench.extra)
     stage = PictureStage(cell, replace(FULL, samples=bench.samples), extra)
     # What stands on this table may be in the way of a joint pose.
     free = cell.poses.is_free(blind)

@@ -21,7 +21,7 @@ from easyhecpp.camera import Camera
 from easyhecpp.errors import NothingSuitsError
 from easyhecpp.geometry import inverse, pose_error, rotation_angle
 from easyhecpp.initialise._seed_kernel import fit_seeds, overlap
-from easyhecpp.initialise.seeds import default_seeds, paper_seeds, seeds_between
+from easyhecpp.initialise.seeds import default_seeds, paper_seeds, seeds_between, turned_seeds
 from easyhecpp.render import SilhouetteRenderer
 from easyhecpp.rig import Rig
 from easyhecpp.solve import Observation
@@ -40,6 +40,8 @@ _STANDS_OUT = 0.5
 """A pose stands out that leaves at most this share of what the second best leaves unexplained (one
 minus the IoU). Where none does, the search is widened: under few views the true pose's seed may
 rank far down until it is refined."""
+_GOOD = 0.9
+"""IoU above which no camera is looked for that is turned about its axis by more than 45 degrees."""
 _SAME_BASIN_DEG, _SAME_BASIN_RATIO = 6.0, 0.08
 
 
@@ -126,10 +128,12 @@ def sample_initial_pose(
     timings["refine"] = time.perf_counter() - clock
     if ranked and not _stands_out(basins):
         clock = time.perf_counter()
-        seeds = seeds_between(problem.centre_mount, 2.0 * rig.robot.reach)
-        seeds = _turned(seeds, problem, rng)
-        between = _SeedScorer(problem, _SEED_VIEWS).rank(seeds, rounds=3)
-        ranked = sorted([*ranked, *between], key=lambda x: -x[1])
+        place = problem.centre_mount, 2.0 * rig.robot.reach
+        seeds = seeds_between(*place)
+        if basins[0][1] < _GOOD:
+            seeds = np.concatenate([seeds, turned_seeds(*place)])
+        more = _SeedScorer(problem, _SEED_VIEWS).rank(_turned(seeds, problem, rng), rounds=3)
+        ranked = sorted([*ranked, *more], key=lambda x: -x[1])
         shortlist = _ranked_again(problem, ranked[:_SHORTLIST_AGAIN])
         basins = _distinct([*basins, *_basins(problem, shortlist[:_REFINED_AGAIN])])
         timings["again"] = time.perf_counter() - clock

@@ -19,6 +19,7 @@ PAPER_DISTANCE = 1.0
 
 ELEVATIONS_DEG = (-60.0, -35.0, -10.0, 15.0, 40.0, 65.0, 85.0)
 ROLLS_DEG = (-30.0, 0.0, 30.0)
+OTHER_ROLLS_DEG = tuple(range(60, 301, 30))
 
 
 def sphere_seeds(
@@ -59,24 +60,38 @@ def sphere_seeds(
 
 def default_seeds(centre: ArrayLike, distance: float) -> F64:
     """Seeds all around the arm, from below too, with rolls; coarser in azimuth near the poles."""
-    return _all_around(centre, distance, ELEVATIONS_DEG, 0.0)
+    return _all_around(centre, distance, ELEVATIONS_DEG, 0.0, ROLLS_DEG)
 
 
 def seeds_between(centre: ArrayLike, distance: float) -> F64:
     """Seeds that lie in the gaps of `default_seeds`, in elevation and in azimuth."""
-    gaps = [0.5 * (a + b) for a, b in pairwise(ELEVATIONS_DEG)]
-    return _all_around(centre, distance, gaps, 0.5)
+    return _all_around(centre, distance, _between(ELEVATIONS_DEG), 0.5, ROLLS_DEG)
+
+
+def turned_seeds(centre: ArrayLike, distance: float) -> F64:
+    """Both, for a camera on its side or upside down, or before an arm on a wall or a ceiling."""
+    at = _all_around(centre, distance, ELEVATIONS_DEG, 0.0, OTHER_ROLLS_DEG)
+    gaps = _all_around(centre, distance, _between(ELEVATIONS_DEG), 0.5, OTHER_ROLLS_DEG)
+    return np.concatenate([at, gaps])
+
+
+def _between(values: Sequence[float]) -> list[float]:
+    return [0.5 * (a + b) for a, b in pairwise(values)]
 
 
 def _all_around(
-    centre: ArrayLike, distance: float, elevations_deg: Sequence[float], shift: float
+    centre: ArrayLike,
+    distance: float,
+    elevations_deg: Sequence[float],
+    shift: float,
+    rolls_deg: Sequence[float],
 ) -> F64:
     """Rings of seeds; ``shift`` turns each by a share of its step."""
     parts = []
     for elevation in elevations_deg:
         n = max(4, round(14 * np.cos(np.deg2rad(elevation))))
         azimuths = (np.arange(n) + shift) * 360.0 / n
-        parts.append(sphere_seeds(centre, distance, (elevation,), azimuths.tolist(), ROLLS_DEG))
+        parts.append(sphere_seeds(centre, distance, (elevation,), azimuths.tolist(), rolls_deg))
     return np.concatenate(parts)
 
 

@@ -23,6 +23,7 @@ from easyhecpp.errors import InputError
 from easyhecpp.rig import rides_on_arm
 from easyhecpp.sim.cell import Cell
 from easyhecpp.sim.options import CellOptions, options_for
+from easyhecpp.sim.random_cell import cell_with_poses
 from easyhecpp.sim.robots import robot_source
 from easyhecpp.sim.studio import FULL, Quality, limit_threads, mitsuba, tracer
 
@@ -129,7 +130,7 @@ def make_scene(root: str | Path, plan: DatasetPlan, index: int) -> Path:
     """Draw, photograph and write scene ``index`` of a plan; returns its folder."""
     folder = Path(root) / f"scene_{index:04d}"
     rng = np.random.default_rng([plan.seed, index])
-    cell, joints = _draw(plan, rng)
+    cell, joints = cell_with_poses(plan.robot, rng, plan.options, plan.views)
     views = cell.capture(joints, quality=plan.quality)
     capture = Capture(
         folder.name,
@@ -148,18 +149,6 @@ def make_scene(root: str | Path, plan: DatasetPlan, index: int) -> Path:
     write_capture(folder, capture, robot=source, overwrite=True)
     write_text(folder / TRUTH, json.dumps(_truth(cell, plan, index), indent=1) + "\n")
     return folder
-
-
-def _draw(plan: DatasetPlan, rng: np.random.Generator) -> tuple[Cell, np.ndarray]:
-    """A cell and poses; a cell whose camera sees too little is drawn again."""
-    for attempt in range(20):
-        cell = Cell.random(plan.robot, rng, options=plan.options)
-        try:
-            return cell, cell.random_joints(plan.views, rng)
-        except InputError:
-            if attempt == 19:
-                raise
-    raise AssertionError("unreachable")
 
 
 def _truth(cell: Cell, plan: DatasetPlan, index: int) -> dict[str, Any]:

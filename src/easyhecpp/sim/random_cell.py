@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
+from easyhecpp.errors import NothingSuitsError
 from easyhecpp.rig import Rig, rides_on_arm
 from easyhecpp.robot import Robot
 from easyhecpp.sim.arm_surface import ArmSurface
@@ -18,6 +21,27 @@ from easyhecpp.sim.room import RoomPlan, random_surroundings
 from easyhecpp.sim.sensor import random_sensor
 
 F64 = NDArray[np.float64]
+
+
+_DRAWS = 20
+
+
+def cell_with_poses(
+    robot: Robot | str, rng: np.random.Generator, options: CellOptions, count: int
+) -> tuple[Cell, F64]:
+    """A cell and joint poses ``(count, n)`` of the arm in it.
+
+    Things may stand wherever the camera sees the arm: such a cell is drawn again.
+
+    Raises:
+        NothingSuitsError: Twenty cells in turn had too few poses.
+    """
+    for _ in range(_DRAWS - 1):
+        cell = random_cell(robot, rng, options)
+        with suppress(NothingSuitsError):
+            return cell, cell.random_joints(count, rng)
+    cell = random_cell(robot, rng, options)
+    return cell, cell.random_joints(count, rng)
 
 
 def random_cell(robot: Robot | str, rng: np.random.Generator, options: CellOptions) -> Cell:

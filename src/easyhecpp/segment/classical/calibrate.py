@@ -105,12 +105,12 @@ def calibrate_from_images(
         estimate=replace(estimate, timings_s={**estimate.timings_s, **timings}),
         before_edges=look.before_edges,
         refinement=look.refinement,
-        reasons=_doubts(look, config, camera, len(images)),
+        reasons=_doubts(look, config),
         timings_s=timings,
     )
 
 
-def _doubts(look: Look, config: ClassicalConfig, camera: Camera, n_views: int) -> tuple[str, ...]:
+def _doubts(look: Look, config: ClassicalConfig) -> tuple[str, ...]:
     """Reasons why the pose may be wrong."""
     support = look.refinement.support
     reasons = []
@@ -124,7 +124,7 @@ def _doubts(look: Look, config: ClassicalConfig, camera: Camera, n_views: int) -
             f"Only {support.share:.0%} of the arm's outline lies on an edge of the pictures, "
             f"under {config.least_edges:.0%}."
         )
-    if support.length_px < config.least_length * camera.width * n_views:
+    if look.length < config.least_length:
         reasons.append("Only a short piece of the arm's outline is visible.")
     if support.covered < config.least_covered:
         reasons.append(f"The arm covers only {support.covered:.1%} of the images.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from easyhecpp._parallel import parallel_map
 from easyhecpp.segment.classical.change import ChangeMaps
 from easyhecpp.segment.classical.climb import climb
+from easyhecpp.segment.classical.grid import TURNED, UPRIGHT, SeedGrid
 from easyhecpp.segment.classical.search import (
     SEARCH_TOLERANCE,
     PairScore,
     Scored,
-    SeedGrid,
     distinct,
     search,
 )
@@ -38,17 +38,14 @@ class FirstPoseConfig:
     """How wide to search.
 
     Attributes:
-        grid: Seeds.
-        max_pairs: Pairs of views that every seed is laid over.
+        grids: Seeds, and how many of each are refined at half the size of the change maps: most
+            cameras stand upright, so these are not crowded out by the many that do not.
         rescored: Seeds that are scored again on all pairs.
-        refined: Of these, the ones that are refined at half the size of the change maps.
-        finalists: Of these, the ones that are refined at their full size.
+        finalists: Of the refined, the ones that are refined at their full size.
     """
 
-    grid: SeedGrid = field(default_factory=SeedGrid)
-    max_pairs: int = 12
+    grids: tuple[tuple[SeedGrid, int], ...] = ((UPRIGHT, 12), (TURNED, 8))
     rescored: int = 80
-    refined: int = 16
     finalists: int = 4
 
 
@@ -60,19 +57,31 @@ def first_pose(scene: Scene, changes: ChangeMaps, config: FirstPoseConfig) -> li
         changes: Change between pairs of views, some 320 pixels wide.
         config: Settings.
     """
-    seeds = search(
-        scene, changes, config.grid.poses(scene), max_pairs=config.max_pairs, keep=config.rescored
-    )
-    far = {"metres": 0.15 * scene.radius, "radians": np.deg2rad(6.0)}
-    near = {"metres": 0.05 * scene.radius, "radians": np.deg2rad(2.0)}
+    far, near = _apart(scene, 0.15, 6.0), _apart(scene, 0.05, 2.0)
     tolerant = PairScore(scene, changes.reduced(2), SEARCH_TOLERANCE, _CLIMBING_VIEWS)
-    found = distinct(rescored(seeds, tolerant), config.refined, **far)
-    found = _climbed(scene, found, tolerant, _FAR_STEP, _FAR_EVALUATIONS)
+    starts = []
+    for grid, refined in config.grids:
+        seeds = search(
+            scene,
+            changes,
+            grid.poses(scene),
+            grid.turns,
+            size_px=grid.size_px,
+            max_pairs=grid.max_pairs,
+            keep=config.rescored,
+        )
+        starts += distinct(rescored(seeds, tolerant), refined, **far)
+    found = _climbed(scene, starts, tolerant, _FAR_STEP, _FAR_EVALUATIONS)
     found = distinct(found, config.finalists, **far)
     some = PairScore(scene, changes, FINAL_TOLERANCE, _CLIMBING_VIEWS)
     found = _climbed(scene, found, some, _NEAR_STEP, _NEAR_EVALUATIONS)
     strict = PairScore(scene, changes, FINAL_TOLERANCE)
     return distinct(rescored(found, strict), len(found), **near)
+
+
+def _apart(scene: Scene, share: float, degrees: float) -> dict[str, float]:
+    """How far apart poses are two, see :func:`.search.distinct`."""
+    return {"metres": share * scene.radius, "radians": float(np.deg2rad(degrees))}
 
 
 def rescored(found: Sequence[Scored], score: Callable[[F64], float]) -> list[Scored]:

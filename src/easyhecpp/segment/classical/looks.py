@@ -54,11 +54,16 @@ class Look:
     @property
     def worth(self) -> tuple[bool, float]:
         """Larger for the better of two looks; a little of an outline may lie on edges by chance."""
-        support, scene = self.refinement.support, self.segmenter.scene
-        config = self.segmenter.config
-        length = support.length_px / (scene.camera.width * len(scene))
-        seen = length >= config.least_length and support.covered >= config.least_covered
+        support, config = self.refinement.support, self.segmenter.config
+        seen = self.length >= config.least_length and support.covered >= config.least_covered
         return seen, support.share
+
+    @property
+    def length(self) -> float:
+        """Of the visible contour per view, in longer sides of the image."""
+        scene = self.segmenter.scene
+        side = max(scene.camera.width, scene.camera.height)
+        return self.refinement.support.length_px / (side * len(scene))
 
     @classmethod
     def of(cls, segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look:

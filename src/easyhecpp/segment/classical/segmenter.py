@@ -32,8 +32,8 @@ U8 = NDArray[np.uint8]
 FEWEST_VIEWS = 3
 """With fewer views there is no background to tell the arm from."""
 
-_REGION_WIDTH = 640
-"""Width of the pictures that the region stage looks at; the search takes half of it."""
+_REGION_SIZE = 640
+"""Longer side of the pictures that the region stage looks at; the search takes half of it."""
 
 _SELF_CONFIRMING = 4.0
 """On the covariance of a pose from masks that were made with a prediction of that pose."""
@@ -55,7 +55,7 @@ class ClassicalConfig:
         least_explained: Share of the change that the arm's motion must explain.
         least_margin: How much better than the next different pose, as a share of the best.
         least_edges: Share of the contour that must lie on image edges.
-        least_length: Length of visible contour per view, in image widths.
+        least_length: Length of visible contour per view, in longer sides of the image.
         least_covered: Share of the image that the arm must cover on average.
     """
 
@@ -99,7 +99,7 @@ class ClassicalSegmenter:
         self.images = list(images)
         self.ids = tuple(ids) if ids is not None else tuple(str(i) for i in range(len(images)))
         self.scene = Scene(rig, camera, joints)
-        reduction = max(1, round(camera.width / _REGION_WIDTH))
+        reduction = max(1, round(max(camera.width, camera.height) / _REGION_SIZE))
         self.pictures: Pictures = load_pictures(images, camera, reduction)
         pairs = pairs_to_compare(self.scene.motion)
         self.changes: ChangeMaps = change_maps(self.pictures.reduced(2), pairs)
