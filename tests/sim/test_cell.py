@@ -111,6 +111,29 @@ def test_the_camera_stands_where_the_options_say():
         assert T_base_cam[:3, 2] @ -offset / away > np.cos(np.radians(12))
 
 
+def test_a_camera_may_be_turned_about_its_axis():
+    def tilts(roll_deg):
+        cameras = [
+            tripod_camera(
+                np.random.default_rng(seed),
+                load_robot("xarm7"),
+                0.0,
+                azimuth_deg=30.0,
+                elevation_deg=(20.0, 40.0),
+                distance=(1.0, 1.2),
+                roll_deg=roll_deg,
+            )
+            for seed in range(40)
+        ]
+        # Which way is up in the picture, seen along its x axis and against its y axis.
+        return np.array([np.arctan2(-T[2, 0], -T[2, 1]) for T in cameras])
+
+    assert np.degrees(np.abs(tilts(0.0))).max() < 8.0
+    any_way = np.degrees(tilts(180.0))
+    assert any_way.min() < -140.0
+    assert any_way.max() > 140.0
+
+
 def test_without_a_second_arm_only_clutter_can_hide_the_arm(joints):
     bare = make(clutter=(0, 0))
     for q in joints:
@@ -161,7 +184,7 @@ def test_a_second_arm_keeps_its_distance_and_moves_only_if_told(joints):
 
 def test_difficulties_are_known_by_name():
     assert DIFFICULTIES["hard"].distractor > DIFFICULTIES["normal"].distractor
-    with pytest.raises(InputError, match="easy, normal, hard"):
+    with pytest.raises(InputError, match="easy, normal, anywhere, hard"):
         Cell.random("xarm7", np.random.default_rng(0), difficulty="brutal")
     with pytest.raises(InputError, match="picture quality"):
         make().capture(np.zeros(7), quality="best")

@@ -49,7 +49,7 @@ class PhotoBench:
         views: Pictures per scene.
         size: Of the pictures, (width, height).
         samples: Light paths per pixel.
-        difficulty: Of the cells: ``easy``, ``normal`` or ``hard``.
+        difficulty: Of the cells: a name in `easyhecpp.sim.options.DIFFICULTIES`.
     """
 
     scenes: int

@@ -119,7 +119,8 @@ class Cell:
         Args:
             robot: a robot, a name that `easyhecpp.sim.robots.load_robot` knows, or a URDF's path.
             rng: all randomness comes from here.
-            difficulty: ``easy``, ``normal`` or ``hard``: clutter, light, noise, a second arm.
+            difficulty: ``easy``, ``normal``, ``anywhere`` (any camera) or ``hard`` (clutter, noise,
+                a second arm).
             options: replaces the difficulty's options.
 
         Raises:

@@ -83,7 +83,8 @@ def generate_scenes(
         seed: of the data set; scene k is the same however many there are.
         robot: name of the arm, see `easyhecpp.sim.robots.robot_names`, or path of its URDF.
         views: per scene.
-        difficulty: ``easy``, ``normal`` or ``hard``.
+        difficulty: ``easy``, ``normal``, ``anywhere`` (the camera on any side and turned about its
+            axis by any angle) or ``hard``.
         options: replaces the difficulty's options.
         quality: of the pictures.
         copy_robot: whether every scene gets the URDF and meshes; else it refers to them.

@@ -1,4 +1,4 @@
-"""What may be chosen about random simulated cells, and three ready choices."""
+"""What may be chosen about random simulated cells, and four ready choices."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ class CellOptions:
         distortion: plumb_bob coefficients, empty for none.
         azimuth_deg: largest angle of the camera off the arm's front; 180 for anywhere.
         elevation_deg: lowest and highest camera.
+        roll_deg: largest turn of the camera about its axis, either way; 180 for any.
         distance: nearest and farthest camera, metres, for an arm that reaches 1.07 m.
         min_visible: least share of what moves, seen from the camera's mount, in view in random
             poses; by default 0.7 for a camera beside the arm and 0.15 for one on it.
@@ -45,6 +46,7 @@ class CellOptions:
     distortion: tuple[float, ...] = ()
     azimuth_deg: float = 60.0
     elevation_deg: tuple[float, float] = (10.0, 70.0)
+    roll_deg: float = 0.0
     distance: tuple[float, float] = (0.9, 1.5)
     min_visible: float | None = None
     clutter: tuple[int, int] = (3, 9)
@@ -76,6 +78,7 @@ DIFFICULTIES = {
         flicker=0.0,
     ),
     "normal": CellOptions(),
+    "anywhere": CellOptions(azimuth_deg=180.0, elevation_deg=(0.0, 90.0), roll_deg=180.0),
     "hard": CellOptions(
         azimuth_deg=180.0,
         clutter=(8, 16),

@@ -57,6 +57,7 @@ def tripod_camera(
     *,
     azimuth_deg: float,
     elevation_deg: tuple[float, float],
+    roll_deg: float = 0.0,
     distance: tuple[float, float],
 ) -> F64:
     """A camera that stands beside the arm and looks at it.
@@ -67,6 +68,7 @@ def tripod_camera(
         stand_z: height that the base stands at; the camera stays above it.
         azimuth_deg: largest angle off the arm's front, either way.
         elevation_deg: lowest and highest, seen from the arm's middle.
+        roll_deg: largest turn about the camera's axis, besides a degree or two.
         distance: nearest and farthest for an arm of `REFERENCE_REACH`, metres.
 
     Returns:
@@ -82,6 +84,8 @@ def tripod_camera(
     eye = target + scale * rng.uniform(*distance) * np.array(direction)
     eye[2] = max(eye[2], stand_z + 0.08)
     roll = np.radians(rng.normal(0.0, 1.5))
+    if roll_deg > 0.0:
+        roll += np.radians(rng.uniform(-roll_deg, roll_deg))
     return look_at(eye, target) @ make_transform(exp_so3([0.0, 0.0, roll]), np.zeros(3))
 
 

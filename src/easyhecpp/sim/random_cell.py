@@ -101,6 +101,7 @@ def _camera_pose(rng: np.random.Generator, rig: Rig, stand_z: float, options: Ce
         stand_z,
         azimuth_deg=options.azimuth_deg,
         elevation_deg=options.elevation_deg,
+        roll_deg=options.roll_deg,
         distance=options.distance,
     )
 

@@ -39,7 +39,7 @@ class BenchPhoto:
     """Light paths per pixel."""
 
     difficulty: str = "normal"
-    """Of the cells: easy, normal or hard."""
+    """Of the cells: easy, normal, anywhere (any side, the camera turned by any angle) or hard."""
 
     workers: int = 1
     """Processes side by side; the seconds in the table are honest with one only."""
