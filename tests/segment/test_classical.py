@@ -97,7 +97,7 @@ def look_at(share: float, x: float, margin: float, length_px: float = 9000.0) ->
         estimate=SimpleNamespace(T_mount_cam=T),
     )
     segmenter = SimpleNamespace(scene=SixViews(), config=ClassicalConfig(), something_moved=True)
-    segmenter.without_shadows = lambda: None
+    segmenter.without_shadows = segmenter.thorough = lambda: segmenter
     return Look(segmenter, (), margin, None, refinement, ())
 
 
@@ -158,11 +158,25 @@ def test_doubt_or_failure_asks_for_another_look(monkeypatch, first):
     assert len(taken) == 2
 
 
-def test_a_second_look_that_finds_nothing_leaves_the_first(monkeypatch):
+@pytest.mark.parametrize("poor", [look_at(0.2, 0.0, 0.9), look_at(0.7, 0.0, 0.9, 500.0), HIDDEN])
+def test_a_thorough_search_follows_where_no_edges_bear_a_pose_out(monkeypatch, poor):
+    good = look_at(0.8, 0.4, 0.7)
+    taken = looks(monkeypatch, poor, HIDDEN, good)
+    found = looked(good.segmenter, lambda stage: None)
+    assert found.refinement is good.refinement
+    assert len(taken) == 3
+    taken = looks(monkeypatch, poor, poor, HIDDEN, good)
+    found = looked(good.segmenter, lambda stage: None)
+    assert found.refinement is good.refinement
+    assert len(taken) == 4
+
+
+def test_later_looks_that_find_nothing_leave_the_first(monkeypatch):
     first = look_at(0.2, 0.0, 0.1)
-    looks(monkeypatch, first, HIDDEN)
+    looks(monkeypatch, first, HIDDEN, HIDDEN, HIDDEN)
     assert looked(first.segmenter, lambda stage: None) is first
-    looks(monkeypatch, HIDDEN, CalibrationError("The images hardly differ."))
+    blank = CalibrationError("The images hardly differ.")
+    looks(monkeypatch, HIDDEN, blank, blank, blank)
     with pytest.raises(CalibrationError, match="No image shows the arm"):
         looked(first.segmenter, lambda stage: None)
 

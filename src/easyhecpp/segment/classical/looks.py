@@ -1,4 +1,4 @@
-"""One look at the pictures, or two where the first leaves doubt: with shadows, then without."""
+"""One look at the pictures, or more where it leaves doubt: without shadows, then thoroughly."""
 
 from __future__ import annotations
 
@@ -45,11 +45,15 @@ class Look:
     quality: tuple[ViewQuality, ...]
 
     @property
+    def borne_out(self) -> bool:
+        """Whether edges bear the pose out."""
+        seen, share = self.worth
+        return seen and share >= self.segmenter.config.least_edges
+
+    @property
     def convinces(self) -> bool:
         """Whether no other pose comes near, and edges bear it out."""
-        config = self.segmenter.config
-        enough = self.refinement.support.share >= config.least_edges
-        return enough and self.margin >= config.least_margin
+        return self.borne_out and self.margin >= self.segmenter.config.least_margin
 
     @property
     def worth(self) -> tuple[bool, float]:
@@ -86,33 +90,44 @@ class Look:
 
 
 def looked(segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look:
-    """The pose of one look at the pictures, or of the better of two where the first leaves doubt.
+    """The pose of one look at the pictures, or of the best of several where there is doubt.
+
+    The second leaves out what may be a shadow. Where edges bear neither out, both are repeated with
+    a more thorough search, until they do.
 
     Raises:
         CalibrationError: Nothing moved, or the arm cannot be found, whatever is left out.
     """
-    first, failure = None, None
-    try:
-        first = Look.of(segmenter, lap)
-    except CalibrationError as error:
-        if not segmenter.something_moved:
-            raise
-        failure = error
-    if first is not None and first.convinces:
-        return first
-    other = segmenter.without_shadows()
-    lap("changes")
-    try:
-        second = Look.of(other, lap)
-    except CalibrationError:
-        if failure is not None:
-            raise failure from None
-        second = None
-    if first is None or second is None:
-        found = first or second
-        assert found is not None
+    found = _look(segmenter, lap)
+    if isinstance(found, CalibrationError) and not segmenter.something_moved:
+        raise found
+    if isinstance(found, Look) and found.convinces:
         return found
-    return better_look(first, second)
+    shadowless = segmenter.without_shadows()
+    lap("changes")
+    for other, thorough in ((shadowless, False), (segmenter, True), (shadowless, True)):
+        if thorough and isinstance(found, Look) and found.borne_out:
+            break
+        found = _better(found, _look(other.thorough() if thorough else other, lap))
+    if isinstance(found, CalibrationError):
+        raise found
+    return found
+
+
+def _look(segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look | CalibrationError:
+    try:
+        return Look.of(segmenter, lap)
+    except CalibrationError as error:
+        return error
+
+
+def _better(
+    first: Look | CalibrationError, second: Look | CalibrationError
+) -> Look | CalibrationError:
+    """The better of two looks; of two failures the first."""
+    if isinstance(second, CalibrationError):
+        return first
+    return second if isinstance(first, CalibrationError) else better_look(first, second)
 
 
 def better_look(first: Look, second: Look) -> Look:

@@ -15,6 +15,7 @@ from easyhecpp.rig import Rig
 from easyhecpp.segment.backgrounds import Backgrounds
 from easyhecpp.segment.classical.change import ChangeMaps, change_maps, pairs_to_compare
 from easyhecpp.segment.classical.first_pose import FINAL_TOLERANCE, FirstPoseConfig, first_pose
+from easyhecpp.segment.classical.grid import TURNED_FINE
 from easyhecpp.segment.classical.masks import masks_at
 from easyhecpp.segment.classical.plate import PlateConfig, plate_maker
 from easyhecpp.segment.classical.region import Round, fit_regions
@@ -51,6 +52,7 @@ class ClassicalConfig:
 
     Attributes:
         search: How wide the first pose is looked for.
+        thorough_search: The same, where that finds no pose that edges bear out.
         edges: The edge stage.
         least_explained: Share of the change that the arm's motion must explain.
         least_margin: How much better than the next different pose, as a share of the best.
@@ -60,6 +62,9 @@ class ClassicalConfig:
     """
 
     search: FirstPoseConfig = field(default_factory=FirstPoseConfig)
+    thorough_search: FirstPoseConfig = field(
+        default_factory=lambda: FirstPoseConfig(grids=((TURNED_FINE, 16),))
+    )
     edges: EdgeConfig = field(default_factory=EdgeConfig)
     least_explained: float = 0.08
     least_margin: float = 0.15
@@ -107,13 +112,23 @@ class ClassicalSegmenter:
 
     def without_shadows(self) -> ClassicalSegmenter:
         """The same, for which what may be a shadow is no sign of the arm; see `change_maps`."""
-        other = copy(self)
+        other = self._anew()
         pairs = self.changes.pairs
         other.changes = change_maps(self.pictures.reduced(2), pairs, shadows=False)
+        return other
+
+    def thorough(self) -> ClassicalSegmenter:
+        """The same, which spends several times as long on the search for the first pose."""
+        other = self._anew()
+        other.config = replace(self.config, search=self.config.thorough_search)
+        return other
+
+    def _anew(self) -> ClassicalSegmenter:
+        other = copy(self)
         if self._backgrounds is not None:
             # The plates are large, belong to a pose, and are made anew for the next.
             self._backgrounds.plates.clear()
-            # The lens and the joints that the first look found belong to its pose.
+            # The lens and the joints that were found belong to that pose too.
             other._backgrounds = self._backgrounds.with_scene(self.scene)
         return other
 
