@@ -14,6 +14,7 @@ from easyhecpp._parallel import parallel_map
 from easyhecpp.camera import Camera
 from easyhecpp.rig import Rig
 from easyhecpp.solve.correlation import average_samples, fit_noise
+from easyhecpp.solve.joint_noise import JointNoise
 from easyhecpp.solve.joint_offsets import SAG
 from easyhecpp.solve.joint_twists import by_joints, joint_twists
 from easyhecpp.solve.lens import LENS, lens_columns
@@ -31,7 +32,7 @@ INTRINSICS = ("focal", "cx", "cy", *LENS)
 JOINTS = slice(POSE + len(INTRINSICS), -1)
 """Their zeros among the unknowns."""
 
-DILATION_INFORMATION = 4.0
+_DILATION_INFORMATION = 4.0
 
 _SMOOTHING_PX = 1.2
 
@@ -110,7 +111,7 @@ def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F6
 def summed(views: F64, sides: F64) -> tuple[F64, F64]:
     """The normal equations of all views, with the prior of the dilation."""
     N = views.sum(axis=0)
-    N[6, 6] += DILATION_INFORMATION
+    N[:POSE, :POSE] += dilation_prior()
     return N, sides.sum(axis=0)
 
 
@@ -128,3 +129,29 @@ def without_pose(N: F64, b: F64, chosen: NDArray[np.int64]) -> tuple[F64, F64]:
         N[np.ix_(chosen, chosen)] - gain @ N[np.ix_(pose, chosen)],
         b[chosen] - gain @ b[pose],
     )
+
+
+def dilation_prior() -> F64:
+    """``(7, 7)`` information on ``[delta, dilation]`` before any view."""
+    prior = np.zeros((POSE, POSE))
+    prior[6, 6] = _DILATION_INFORMATION
+    return prior
+
+
+def joint_noise_beside(
+    views: F64, sides: F64, others: NDArray[np.int64], values: F64
+) -> JointNoise:
+    """Errors of the joints, fresh in every view, once other unknowns have their values.
+
+    What these explain is not put down to the joints.
+
+    Args:
+        views: ``(V, k, k)`` normal equations of each view.
+        sides: ``(V, k)`` their right-hand sides.
+        others: ``(m,)`` indices among the unknowns.
+        values: ``(m,)``.
+    """
+    # The zero of a joint moves the outline as its error in one view does.
+    chosen = np.r_[:POSE, np.arange(views.shape[1])[JOINTS]].astype(np.int64)
+    left = sides - views[:, :, others] @ values
+    return JointNoise().fitted(views[:, chosen[:, None], chosen], left[:, chosen], dilation_prior())

@@ -16,13 +16,16 @@ from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import inverse, perturb_about, pose_covariance_from_centred
 from easyhecpp.rig import Rig
 from easyhecpp.solve.all_unknowns import (
+    JOINTS,
     POSE,
+    joint_noise_beside,
     names_of,
     normal_equations_by_view,
     summed,
     without_pose,
 )
 from easyhecpp.solve.correlated import covariance_inflation
+from easyhecpp.solve.joint_noise import UNDERSTATED
 from easyhecpp.solve.joint_offsets import SAG, SAG_PRIOR, joints_as_they_stand
 from easyhecpp.solve.lens import FOCAL_PRIOR, LENS, LENS_PRIOR, bent
 from easyhecpp.solve.problem import PoseProblem
@@ -145,7 +148,8 @@ def refine_nuisances(
     for step in range(_ROUNDS):
         moved = [replace(o, joints=q) for o, q in zip(observations, joints, strict=True)]
         problem = PoseProblem(rig, refined, moved)
-        N, b = summed(*normal_equations_by_view(problem, T))
+        views, sides = normal_equations_by_view(problem, T)
+        N, b = summed(views, sides)
         if step == 0:
             _refuse_unknowable(N / inflation, b, chosen, prior, names)
         free = np.concatenate([np.arange(POSE, dtype=np.int64), chosen])
@@ -154,11 +158,12 @@ def refine_nuisances(
         H[POSE:, POSE:] += np.diag(1.0 / prior**2)
         g[POSE:] -= total / prior**2
         solved = np.linalg.solve(H, g)
-        whole = inflation * np.linalg.inv(H)
-        covariance = whole[POSE:, POSE:]
-        known = inflation * np.linalg.inv(H[:POSE, :POSE])
+        gain = np.linalg.inv(H)
+        spread = H + _by_joint_errors(views, sides, free, solved)
+        covariance = inflation * (gain @ spread @ gain)[POSE:, POSE:]
+        by = np.linalg.solve(H[:POSE, :POSE], H[:POSE, POSE:])
         centre = problem.centre_cam(T)
-        added = pose_covariance_from_centred(whole[:6, :6] - known[:6, :6], centre)
+        added = pose_covariance_from_centred((by @ covariance @ by.T)[:6, :6], centre)
         T = perturb_about(T, centre, solved[:6])
         total = total + solved[POSE:]
         by_name = dict(zip(names, total.tolist(), strict=True))
@@ -169,6 +174,23 @@ def refine_nuisances(
         Strain(n, float(v), float(s)) for n, v, s in zip(names, total, sigma, strict=True)
     )
     return Refinement(inverse(T), refined, corrections, added)
+
+
+def _by_joint_errors(views: F64, sides: F64, free: NDArray[np.int64], solved: F64) -> F64:
+    """What errors of the joints, fresh in every view, add to the covariance of the pulls.
+
+    Args:
+        views: ``(V, k, k)`` normal equations of each view on all unknowns.
+        sides: ``(V, k)``.
+        free: The f unknowns that are solved for, the pose's first.
+        solved: ``(f,)`` their solution.
+
+    Returns:
+        ``(f, f)``.
+    """
+    noise = joint_noise_beside(views, sides, free[POSE:], solved[POSE:])
+    pull = views[:, free, JOINTS]
+    return UNDERSTATED * noise.variance * np.einsum("vij,vkj->ik", pull, pull)
 
 
 def _refuse_unknowable(

@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from easyhecpp.solve.all_unknowns import (
-    DILATION_INFORMATION,
     INTRINSICS,
     JOINTS,
     POSE,
+    dilation_prior,
+    joint_noise_beside,
     names_of,
     normal_equations_by_view,
     summed,
     without_pose,
 )
 from easyhecpp.solve.correlated import covariance_inflation
-from easyhecpp.solve.joint_noise import JointNoise
 from easyhecpp.solve.lens import LensStrain, lens_strain
 from easyhecpp.solve.problem import PoseProblem
 
@@ -78,15 +78,9 @@ def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[tuple[Strain, ...],
     chosen = np.r_[:POSE, focal_and_lens, np.arange(len(N))[JOINTS]].astype(np.int64)
     each = np.arange(len(views))
     lens = lens_strain(
-        views[np.ix_(each, chosen, chosen)], sides[:, chosen], _dilation_prior(), inflation
+        views[np.ix_(each, chosen, chosen)], sides[:, chosen], dilation_prior(), inflation
     )
     return tuple(found), lens
-
-
-def _dilation_prior() -> F64:
-    prior = np.zeros((POSE, POSE))
-    prior[6, 6] = DILATION_INFORMATION
-    return prior
 
 
 def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> float:
@@ -102,14 +96,7 @@ def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> fl
         k: Index of the parameter.
         value: What the data say of it.
     """
-    # The zero of a joint moves the outline as its error in one view does.
-    unknowns = np.concatenate([np.arange(POSE), np.arange(len(N))[JOINTS]])
-    left = sides - views[:, :, k] * value
-    noise = JointNoise().fitted(
-        views[np.ix_(np.arange(len(views)), unknowns, unknowns)],
-        left[:, unknowns],
-        _dilation_prior(),
-    )
+    noise = joint_noise_beside(views, sides, np.array([k]), np.array([value]))
     gain = np.linalg.solve(N[:POSE, :POSE], N[:POSE, k])
     pull = views[:, k, JOINTS] - np.einsum("p,vpj->vj", gain, views[:, :POSE, JOINTS])
     return noise.variance * float(np.square(pull).sum())

@@ -12,7 +12,7 @@ from easyhecpp.segment.scene import Scene
 
 F64 = NDArray[np.float64]
 
-STEP_DEG = 15.0
+_STEP_DEG = 15.0
 """Between seeds, and between turns about the camera's axis."""
 
 
@@ -38,8 +38,8 @@ class SeedGrid:
     @property
     def turns(self) -> F64:
         """Angles about the camera's axis that every seed is tried at, radians."""
-        count = round(360.0 / STEP_DEG) if self.turned else 1
-        return np.arange(count) * np.deg2rad(STEP_DEG)
+        count = round(360.0 / _STEP_DEG) if self.turned else 1
+        return np.arange(count) * np.deg2rad(_STEP_DEG)
 
     def poses(self, scene: Scene) -> F64:
         """All seeds upright, ``(S, 4, 4)`` T_mount_cam."""
@@ -58,7 +58,7 @@ class SeedGrid:
     def _azimuths(self, elevation_deg: float) -> list[float]:
         """Degrees. Seen from above, an azimuth turns the picture: only turns make up for it."""
         nearer = np.cos(np.deg2rad(elevation_deg)) if self.turned else 1.0
-        count = max(1, round(360.0 / STEP_DEG * nearer))
+        count = max(1, round(360.0 / _STEP_DEG * nearer))
         return (np.arange(count) * (360.0 / count)).tolist()
 
 
