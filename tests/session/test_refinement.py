@@ -88,6 +88,31 @@ def test_a_lens_that_nobody_stated_is_refined_unasked_and_told() -> None:
     assert told.result.sigma.position_mm < found.result.sigma.position_mm
 
 
+def test_an_arm_that_sags_is_refined_unasked_from_masks_and_told() -> None:
+    rng, give = np.random.default_rng([49, 0]), 0.012
+    scene = random_scene(load_robot("xarm7"), rng, n_views=6, width=640, height=360, focal=450.0)
+    renderer = SilhouetteRenderer(scene.robot.meshes, scene.camera)
+    T_cam_base, rig = inverse(scene.T_base_cam), Rig(scene.robot)
+    masks = [renderer.coverage(T_cam_base @ rig.Ts_mount_link(q)) > 0.5 for q in scene.joints]
+    stands = Capture(
+        "cell", None, "eye-to-hand", scene.robot, scene.camera,
+        tuple(View(str(i), q, mask=m) for i, (q, m) in enumerate(zip(scene.joints, masks, strict=True))),
+    )  # fmt: skip
+    recorded = [q - give * scene.robot.sag(q) for q in scene.joints]
+    sags = replace(
+        stands, views=tuple(v.with_joints(q) for v, q in zip(stands.views, recorded, strict=True))
+    )
+    found = run(sags)
+    assert [p.name for p in found.result.refined] == ["sag"]
+    (sag,) = found.result.refined
+    assert sag.correction == pytest.approx(give, abs=3.0 * sag.sigma)
+    assert sag.sigma < 0.3 * give
+    assert any(note.startswith("sag: the outlines show") for note in found.notes)
+    assert PoseError.between(found.T_mount_cam, scene.T_base_cam).position_mm < 2.0
+    # An arm that stands as recorded is left alone.
+    assert run(stands).result.refined == ()
+
+
 def test_joint_zeros_are_refined_unasked_from_pictures_and_told() -> None:
     case = photographed(2, n_views=8)
     off = np.deg2rad([0.0, -0.3, -0.3, -0.3])

@@ -47,7 +47,7 @@ def asked(
 ) -> tuple[LensStrain, np.ndarray]:
     rig = Rig(scene.robot)
     T = solve_pose(rig, stated, views, scene.T_base_cam).T_mount_cam
-    return strains(PoseProblem(rig, stated, views), inverse(T))[1], T
+    return strains(PoseProblem(rig, stated, views), inverse(T)).lens, T
 
 
 def test_an_unstated_lens_is_asked_for_and_refined(scene: SimScene) -> None:

@@ -12,6 +12,7 @@ from easyhecpp.bench.trust_scenes import build_case
 from easyhecpp.errors import CalibrationError, InputError
 from easyhecpp.geometry import exp_se3
 from easyhecpp.solve import solve_pose
+from easyhecpp.solve.consistency import solve_consistent
 from easyhecpp.solve.nuisance import read_priors, refine_nuisances
 
 START = np.array([0.01, -0.01, 0.01, 0.008, -0.006, 0.005])
@@ -57,6 +58,21 @@ def test_an_arm_that_sags_is_set_right(scene):
     before = PoseError.between(plain.T_mount_cam, scene.T_mount_cam)
     after = PoseError.between(found.T_mount_cam, scene.T_mount_cam)
     assert after.position_mm < 0.7 * before.position_mm
+
+
+def test_masks_ask_for_sag_where_there_is_some():
+    asked = {0.0: 0, 8e-3: 0}
+    for k in range(6):
+        case = build_case("five good views", np.random.default_rng([48, k]), 640)
+        robot = case.rig.robot
+        for give in asked:
+            seen = [
+                replace(o, joints=o.joints - give * robot.sag(o.joints)) for o in case.observations
+            ]
+            _, findings = solve_consistent(case.rig, case.camera, seen, case.T_mount_cam)
+            asked[give] += findings.sag_asked
+    assert asked[8e-3] == 6
+    assert asked[0.0] <= 1
 
 
 def test_a_focal_length_that_is_off_is_set_right_and_widens_the_error_bar(scene):

@@ -31,7 +31,7 @@ from easyhecpp.session.refinement import (
     joint_offset_notes,
     lens_notes,
     refine,
-    refine_lens,
+    refine_asked,
 )
 from easyhecpp.session.screening import Screening, restored, screen_for_edges, screen_for_masks
 from easyhecpp.session.stages import Progress, Stages
@@ -149,7 +149,7 @@ def calibrate(
     if config.edges and (chosen.source is not None or config.refine):
         state = refine_on_edges(state, stages, config=config.solve, without=screening.unusable)
     if chosen.source is not None and state.outcome.before_edges is None:
-        state = refine_lens(state, stages, config.solve)
+        state = refine_asked(state, stages, config.solve)
     capture, outcome = state.capture, state.with_doubt()
     if outcome.before_edges is not None:
         outcome = with_final_views(capture, outcome)

@@ -7,6 +7,7 @@ distortion, the arm's sag and the zeros of its joints.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,20 +75,51 @@ def refine(state: Refined, words: tuple[str, ...], stages: Stages, config: Solve
     Raises:
         InputError: A word that names nothing.
     """
-    capture, outcome = state.capture, state.outcome
-    priors = read_priors(words, capture.robot.joint_names)
+    priors = read_priors(words, state.capture.robot.joint_names)
     if not priors:
         return state
+    try:
+        return _refined(state, priors, stages, config)
+    except CalibrationError as error:
+        doubts = (*state.outcome.doubts, str(error))
+        return replace(state, outcome=replace(state.outcome, doubts=doubts))
+
+
+def refine_asked(state: Refined, stages: Stages, config: SolveConfig) -> Refined:
+    """Refine what the masks ask for: a lens that is stated without distortion, the arm's sag.
+
+    What the data cannot tell from the pose after all stays as it is.
+
+    Args:
+        state: The views, and the pose from their masks.
+        stages: Keeps the times.
+        config: Settings of the optimiser.
+    """
+    findings, lens = state.outcome.findings, state.outcome.findings.lens
+    asked = []
+    if lens is not None and lens.asked and not state.capture.camera.is_distorted:
+        asked.append("lens")
+    if findings.sag_asked and SAG not in {strain.name for strain in state.corrections}:
+        asked.append(SAG)
+    # Both together; where the views cannot tell that many, the first alone.
+    for some in (asked, asked[:1]):
+        priors = read_priors(some, state.capture.robot.joint_names)
+        with suppress(CalibrationError):
+            return _refined(state, priors, stages, config) if priors else state
+    return state
+
+
+def _refined(
+    state: Refined, priors: dict[str, float], stages: Stages, config: SolveConfig
+) -> Refined:
+    """Raises CalibrationError where the data cannot tell a parameter from the pose."""
+    capture, outcome = state.capture, state.outcome
     out = set(outcome.findings.inconsistent)
     seen = [o for o in observations_of(capture, outcome.masks) if o.id not in out]
     with stages.stage("refine", f"refining {', '.join(priors)} with the pose"):
-        try:
-            found = refine_nuisances(
-                capture.rig, capture.camera, seen, outcome.estimate.T_mount_cam, priors
-            )
-        except CalibrationError as error:
-            doubts = (*outcome.doubts, str(error))
-            return replace(state, outcome=replace(outcome, doubts=doubts))
+        found = refine_nuisances(
+            capture.rig, capture.camera, seen, outcome.estimate.T_mount_cam, priors
+        )
         capture = _corrected(capture, found.camera, found.corrections)
         estimate, findings = solve_consistent(
             capture.rig,
@@ -103,20 +135,6 @@ def refine(state: Refined, words: tuple[str, ...], stages: Stages, config: Solve
         add_corrections(state.corrections, found.corrections),
         found.pose_covariance if before is None else before + found.pose_covariance,
     )
-
-
-def refine_lens(state: Refined, stages: Stages, config: SolveConfig) -> Refined:
-    """Refine a lens that is stated without distortion, where the masks ask for another.
-
-    Args:
-        state: The views, and the pose from their masks.
-        stages: Keeps the times.
-        config: Settings of the optimiser.
-    """
-    lens = state.outcome.findings.lens
-    if state.capture.camera.is_distorted or lens is None or not lens.asked:
-        return state
-    return refine(state, ("lens",), stages, config)
 
 
 def corrected_by(capture: Capture, found: EdgeRefinement) -> Capture:

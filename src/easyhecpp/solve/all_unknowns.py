@@ -64,12 +64,17 @@ def intrinsic_columns(camera: Camera, points: F64, normals: F64) -> F64:
     )
 
 
-def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F64, F64]:
-    """``(V, k, k)`` and ``(V, k)`` of the views that show something and have a say.
+def normal_equations_by_view(
+    problem: PoseProblem, T_cam_mount: F64
+) -> tuple[F64, F64, NDArray[np.int64]]:
+    """Of the views that show something and have a say.
 
     Args:
         problem: The views.
         T_cam_mount: ``(4, 4)`` solution.
+
+    Returns:
+        ``(V, k, k)`` and ``(V, k)``, and which of the problem's views these are, ``(V,)``.
     """
     seen = problem.gather(T_cam_mount, 1, smoothing_px=_SMOOTHING_PX, spacing=1.0)
     scale = consistent_scale(seen, problem.weights)
@@ -100,12 +105,11 @@ def normal_equations_by_view(problem: PoseProblem, T_cam_mount: F64) -> tuple[F6
         CA = cho_solve(factor, A, check_finite=False)
         return A.T @ CA, CA.T @ p.residuals
 
-    parts = parallel_map(
-        one, [v for v, p in enumerate(points) if problem.weights[v] > 0.0 and len(p)]
-    )
-    if not parts:
-        return np.zeros((0, size, size)), np.zeros((0, size))
-    return np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])
+    which = [v for v, p in enumerate(points) if problem.weights[v] > 0.0 and len(p)]
+    N, b = np.zeros((len(which), size, size)), np.zeros((len(which), size))
+    for i, part in enumerate(parallel_map(one, which)):
+        N[i], b[i] = part
+    return N, b, np.array(which, np.int64)
 
 
 def summed(views: F64, sides: F64) -> tuple[F64, F64]:

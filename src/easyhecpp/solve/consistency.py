@@ -66,6 +66,7 @@ class Findings:
         contradictory: True when no two views agree, so that the pose is an average at best.
         strains: What the residuals say about intrinsics and joint zeros taken as known.
         lens: What they say about the lens; None where no view tells anything.
+        sag_asked: Whether they ask for the arm's sag.
     """
 
     views: tuple[ViewFinding, ...]
@@ -73,6 +74,7 @@ class Findings:
     contradictory: bool = False
     strains: tuple[Strain, ...] = ()
     lens: LensStrain | None = None
+    sag_asked: bool = False
 
     @property
     def inconsistent(self) -> tuple[str, ...]:
@@ -237,5 +239,5 @@ def _tested(findings: Findings, problem: PoseProblem, T_cam_mount: F64) -> Findi
     some = [i for i, o in enumerate(problem.observations) if (o.id or str(i)) in agree]
     if not some:
         return findings
-    parameters, lens = strains(subproblem(problem, some), T_cam_mount)
-    return replace(findings, strains=parameters, lens=lens)
+    said = strains(subproblem(problem, some), T_cam_mount)
+    return replace(findings, strains=said.parameters, lens=said.lens, sag_asked=said.sag_asked)

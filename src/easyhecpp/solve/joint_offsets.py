@@ -126,7 +126,7 @@ def offsets_asked(
     prior: F64,
     *,
     sag: F64,
-    joint_names: Sequence[str],
+    joint_names: Sequence[str] = (),
 ) -> JointOffsets:
     """The unknowns that the outlines ask for: the arm's sag, zeros of joints, both or neither.
 
@@ -136,13 +136,15 @@ def offsets_asked(
         vectors: ``(V, 10 + n)``.
         prior: ``(7, 7)`` information on ``[delta, dilation]``.
         sag: ``(V, n)`` joints by one unit of sag.
-        joint_names: Of the n joints.
+        joint_names: Of the n joints; of none where their zeros are not to be asked for.
     """
     asked = JointOffsets((), np.zeros((*sag.shape, 0)), np.zeros(0))
     if np.count_nonzero(information.any(axis=(1, 2))) < _FEWEST_VIEWS:
         return asked
     noise, evidence = _evidence(asked, information, vectors, prior)
-    kinds = [(_sag, np.log(_SAG_ODDS)), (_zeros, np.log(_ZEROS_ODDS))]
+    kinds = [(_sag, np.log(_SAG_ODDS))]
+    if joint_names:
+        kinds.append((_zeros, np.log(_ZEROS_ODDS)))
     while kinds:
         trials, log_odds = [], []
         for kind, log_odds_before in kinds:

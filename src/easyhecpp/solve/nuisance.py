@@ -148,7 +148,7 @@ def refine_nuisances(
     for step in range(_ROUNDS):
         moved = [replace(o, joints=q) for o, q in zip(observations, joints, strict=True)]
         problem = PoseProblem(rig, refined, moved)
-        views, sides = normal_equations_by_view(problem, T)
+        views, sides, _ = normal_equations_by_view(problem, T)
         N, b = summed(views, sides)
         if step == 0:
             _refuse_unknowable(N / inflation, b, chosen, prior, names)

@@ -24,6 +24,7 @@ from easyhecpp.solve.all_unknowns import (
     without_pose,
 )
 from easyhecpp.solve.correlated import covariance_inflation
+from easyhecpp.solve.joint_offsets import offsets_asked
 from easyhecpp.solve.lens import LensStrain, lens_strain
 from easyhecpp.solve.problem import PoseProblem
 
@@ -51,15 +52,30 @@ class Strain:
         return self.value / self.sigma if np.isfinite(self.sigma) else 0.0
 
 
-def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[tuple[Strain, ...], LensStrain]:
-    """Test every parameter that was taken as known, one at a time, and the lens as a whole.
+@dataclass(frozen=True)
+class Strains:
+    """What the residuals say about all that was taken as known.
+
+    Attributes:
+        parameters: One at a time.
+        lens: As a whole.
+        sag_asked: Whether the arm is likelier to sag than to stand as recorded.
+    """
+
+    parameters: tuple[Strain, ...]
+    lens: LensStrain
+    sag_asked: bool
+
+
+def strains(problem: PoseProblem, T_cam_mount: F64) -> Strains:
+    """Test every parameter that was taken as known, one at a time, the lens, and the arm's sag.
 
     Args:
         problem: The views; those of weight 0 have no say.
         T_cam_mount: ``(4, 4)`` solution.
     """
     names = names_of(problem.rig)
-    views, sides = normal_equations_by_view(problem, T_cam_mount)
+    views, sides, which = normal_equations_by_view(problem, T_cam_mount)
     N, b = summed(views, sides)
     inflation = covariance_inflation(len(views))
     found = []
@@ -76,11 +92,17 @@ def strains(problem: PoseProblem, T_cam_mount: F64) -> tuple[tuple[Strain, ...],
         found.append(Strain(name, value, sigma))
     focal_and_lens = [POSE + INTRINSICS.index(name) for name in ("focal", "k1", "k2")]
     chosen = np.r_[:POSE, focal_and_lens, np.arange(len(N))[JOINTS]].astype(np.int64)
-    each = np.arange(len(views))
-    lens = lens_strain(
-        views[np.ix_(each, chosen, chosen)], sides[:, chosen], dilation_prior(), inflation
+    information, vectors = views[:, chosen[:, None], chosen], sides[:, chosen]
+    lens = lens_strain(information, vectors, dilation_prior(), inflation)
+    joints = np.array([problem.observations[v].joints for v in which])
+    joints = joints.reshape(len(which), problem.rig.robot.n_joints)
+    sag = offsets_asked(
+        information / inflation,
+        vectors / inflation,
+        dilation_prior(),
+        sag=problem.rig.robot.sag(joints),
     )
-    return tuple(found), lens
+    return Strains(tuple(found), lens, bool(sag.names))
 
 
 def _by_joint_errors(views: F64, sides: F64, N: F64, k: int, value: float) -> float:
