@@ -94,10 +94,9 @@ def test_an_arm_that_sags_is_refined_unasked_from_masks_and_told() -> None:
     renderer = SilhouetteRenderer(scene.robot.meshes, scene.camera)
     T_cam_base, rig = inverse(scene.T_base_cam), Rig(scene.robot)
     masks = [renderer.coverage(T_cam_base @ rig.Ts_mount_link(q)) > 0.5 for q in scene.joints]
-    stands = Capture(
-        "cell", None, "eye-to-hand", scene.robot, scene.camera,
-        tuple(View(str(i), q, mask=m) for i, (q, m) in enumerate(zip(scene.joints, masks, strict=True))),
-    )  # fmt: skip
+    pairs = enumerate(zip(scene.joints, masks, strict=True))
+    views = tuple(View(str(i), q, mask=m) for i, (q, m) in pairs)
+    stands = Capture("cell", None, "eye-to-hand", scene.robot, scene.camera, views)
     recorded = [q - give * scene.robot.sag(q) for q in scene.joints]
     sags = replace(
         stands, views=tuple(v.with_joints(q) for v, q in zip(stands.views, recorded, strict=True))
