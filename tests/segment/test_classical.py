@@ -13,6 +13,7 @@ from easyhecpp.geometry import pose_error
 from easyhecpp.rig import Rig
 from easyhecpp.segment.classical import calibrate_from_images
 from easyhecpp.segment.classical.looks import Look, better_look, looked
+from easyhecpp.segment.classical.search import Scored
 from easyhecpp.segment.classical.segmenter import ClassicalConfig, ClassicalSegmenter
 
 
@@ -137,6 +138,55 @@ def looks(monkeypatch, *results: Look | CalibrationError) -> list[int]:
 
     monkeypatch.setattr(Look, "of", of)
     return taken
+
+
+class Unsettled:
+    """A segmenter whose masks stay at the pose they are made at, and edges move it on."""
+
+    scene = SixViews()
+    config = ClassicalConfig()
+
+    def __init__(self, steps: list[float], share: float) -> None:
+        self.steps, self.share, self.started_at = steps, share, []
+
+    def first_pose(self):
+        return [Scored(np.eye(4), 0.5)]
+
+    def settle(self, candidates):
+        return candidates
+
+    def anew(self):
+        return self
+
+    def masks_at(self, T):
+        self.started_at.append(float(T[0, 3]))
+        return T
+
+    def solve(self, T, masks):
+        return SimpleNamespace(T_mount_cam=T)
+
+    def refine(self, estimate):
+        moved = estimate.T_mount_cam.copy()
+        moved[0, 3] += self.steps[len(self.started_at) - 1]
+        support = SimpleNamespace(share=self.share, length_px=9000.0, covered=0.1)
+        at = SimpleNamespace(T_mount_cam=moved)
+        return SimpleNamespace(support=support, estimate=at), ()
+
+
+def test_masks_are_made_again_where_the_edges_put_the_camera_until_both_agree():
+    segmenter = Unsettled([0.2, 0.05, 0.001], 0.7)
+    look = Look.of(segmenter, lambda stage: None)
+    assert segmenter.started_at == pytest.approx([0.0, 0.2, 0.25])
+    assert look.settled
+    segmenter = Unsettled([0.01], 0.7)
+    assert Look.of(segmenter, lambda stage: None).settled
+    assert len(segmenter.started_at) == 1
+    # A pose that no edges bear out is not worth it; one that moves on for ever is given up.
+    segmenter = Unsettled([0.2], 0.2)
+    assert not Look.of(segmenter, lambda stage: None).settled
+    segmenter = Unsettled([0.2, 0.2, 0.2], 0.7)
+    assert not Look.of(segmenter, lambda stage: None).settled
+    assert len(segmenter.started_at) == 3
 
 
 HIDDEN = CalibrationError("No image shows the arm.")

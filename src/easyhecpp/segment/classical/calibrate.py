@@ -124,6 +124,11 @@ def _doubts(look: Look, config: ClassicalConfig) -> tuple[str, ...]:
             f"Only {support.share:.0%} of the arm's outline lies on an edge of the pictures, "
             f"under {config.least_edges:.0%}."
         )
+    if not look.settled:
+        reasons.append(
+            "Masks and edges do not settle: masks made where the edges put the camera put it "
+            "elsewhere."
+        )
     if look.length < config.least_length:
         reasons.append("Only a short piece of the arm's outline is visible.")
     if support.covered < config.least_covered:

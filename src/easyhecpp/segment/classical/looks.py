@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from easyhecpp.errors import CalibrationError
 from easyhecpp.geometry import pose_error
@@ -15,8 +16,12 @@ from easyhecpp.segment.edges import EdgeRefinement
 from easyhecpp.segment.quality import ViewQuality
 from easyhecpp.solve import PoseEstimate
 
+F64 = NDArray[np.float64]
+
 _SAME_POSE = 0.03
 """Poses less far apart than that share of the arm's size, and that many radians, are one."""
+_ROUNDS = 3
+"""Of masks and edges, at most, until these agree on the pose."""
 _BORNE_OUT, _BORNE_OUT_ALIKE = 0.6, 0.7
 """Edges tell a pose from another when they lie on so much of its outline, and on less than that
 share of as much of the other's: right poses have them on three quarters, wrong ones on a fifth,
@@ -43,6 +48,12 @@ class Look:
     before_edges: PoseEstimate
     refinement: EdgeRefinement
     quality: tuple[ViewQuality, ...]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the edges put the camera where the masks do, give or take what masks err by."""
+        masks, edges = self.before_edges.T_mount_cam, self.refinement.estimate.T_mount_cam
+        return _are_one(masks, edges, self.segmenter.scene.radius)
 
     @property
     def borne_out(self) -> bool:
@@ -78,15 +89,31 @@ class Look:
         """
         candidates = segmenter.first_pose()
         lap("first_pose")
-        candidates = segmenter.settle(candidates)
-        T = candidates[0].T_mount_cam
+        candidates = tuple(segmenter.settle(candidates))
         lap("region")
-        before_edges = segmenter.solve(T, segmenter.masks_at(T))
+        look = cls._at(segmenter, candidates, candidates[0].T_mount_cam, lap)
+        for _ in range(_ROUNDS - 1):
+            if look.settled or not look.borne_out:
+                break
+            # Edges read from so far off are half of them others; masks made there are too.
+            T = look.refinement.estimate.T_mount_cam
+            look = cls._at(segmenter.anew(), candidates, T, lap)
+        return look
+
+    @classmethod
+    def _at(
+        cls,
+        segmenter: ClassicalSegmenter,
+        candidates: tuple[Scored, ...],
+        T_mount_cam: F64,
+        lap: Callable[[str], None],
+    ) -> Look:
+        """Masks and edges from a pose on."""
+        before_edges = segmenter.solve(T_mount_cam, segmenter.masks_at(T_mount_cam))
         lap("masks")
         refinement, quality = segmenter.refine(before_edges)
         lap("edges")
-        margin = _margin(candidates)
-        return cls(segmenter, tuple(candidates), margin, before_edges, refinement, quality)
+        return cls(segmenter, candidates, _margin(candidates), before_edges, refinement, quality)
 
 
 def looked(segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look:
@@ -138,12 +165,17 @@ def better_look(first: Look, second: Look) -> Look:
     """
     better, other = sorted((first, second), key=lambda look: look.worth, reverse=True)
     poses = [look.refinement.estimate.T_mount_cam for look in (better, other)]
-    metres, radians = pose_error(*poses)
-    if metres < _SAME_POSE * first.segmenter.scene.radius and radians < _SAME_POSE:
+    if _are_one(poses[0], poses[1], first.segmenter.scene.radius):
         return replace(better, margin=max(better.margin, other.margin))
     share, rival = (look.refinement.support.share for look in (better, other))
     apart = share > _BORNE_OUT and rival < _BORNE_OUT_ALIKE * share
     return better if apart else replace(better, margin=0.0)
+
+
+def _are_one(T_a: F64, T_b: F64, radius: float) -> bool:
+    """Whether two poses lie close together, for an arm of that radius."""
+    metres, radians = pose_error(T_a, T_b)
+    return bool(metres < _SAME_POSE * radius and radians < _SAME_POSE)
 
 
 def _margin(candidates: Sequence[Scored]) -> float:

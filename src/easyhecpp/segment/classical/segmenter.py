@@ -112,18 +112,19 @@ class ClassicalSegmenter:
 
     def without_shadows(self) -> ClassicalSegmenter:
         """The same, for which what may be a shadow is no sign of the arm; see `change_maps`."""
-        other = self._anew()
+        other = self.anew()
         pairs = self.changes.pairs
         other.changes = change_maps(self.pictures.reduced(2), pairs, shadows=False)
         return other
 
     def thorough(self) -> ClassicalSegmenter:
         """The same, which spends several times as long on the search for the first pose."""
-        other = self._anew()
+        other = self.anew()
         other.config = replace(self.config, search=self.config.thorough_search)
         return other
 
-    def _anew(self) -> ClassicalSegmenter:
+    def anew(self) -> ClassicalSegmenter:
+        """The same with plates, lens and joints as before the first pose was found."""
         other = copy(self)
         if self._backgrounds is not None:
             # The plates are large, belong to a pose, and are made anew for the next.
