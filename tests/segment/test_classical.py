@@ -99,7 +99,7 @@ def look_at(share: float, x: float, margin: float, length_px: float = 9000.0) ->
     )
     segmenter = SimpleNamespace(scene=SixViews(), config=ClassicalConfig(), something_moved=True)
     segmenter.without_shadows = segmenter.thorough = lambda: segmenter
-    return Look(segmenter, (), margin, None, refinement, ())
+    return Look(segmenter, (), margin, T, None, refinement, ())
 
 
 @pytest.mark.parametrize(

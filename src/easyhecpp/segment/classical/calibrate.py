@@ -126,8 +126,7 @@ def _doubts(look: Look, config: ClassicalConfig) -> tuple[str, ...]:
         )
     if not look.settled:
         reasons.append(
-            "Masks and edges do not settle: masks made where the edges put the camera put it "
-            "elsewhere."
+            "The pose does not settle: from where the edges put the camera they put it elsewhere."
         )
     if look.length < config.least_length:
         reasons.append("Only a short piece of the arm's outline is visible.")

@@ -37,6 +37,7 @@ class Look:
         candidates: First poses, best first.
         margin: How much better the best is than the next, as a share of the best; of two looks see
             `better_look`.
+        started_at: ``(4, 4)`` T_mount_cam that the masks were made at.
         before_edges: The pose from the masks.
         refinement: On the edges.
         quality: One per view.
@@ -45,15 +46,16 @@ class Look:
     segmenter: ClassicalSegmenter
     candidates: tuple[Scored, ...]
     margin: float
+    started_at: F64
     before_edges: PoseEstimate
     refinement: EdgeRefinement
     quality: tuple[ViewQuality, ...]
 
     @property
     def settled(self) -> bool:
-        """Whether the edges put the camera where the masks do, give or take what masks err by."""
-        masks, edges = self.before_edges.T_mount_cam, self.refinement.estimate.T_mount_cam
-        return _are_one(masks, edges, self.segmenter.scene.radius)
+        """Whether the edges leave the camera where it was when they were first read."""
+        edges = self.refinement.estimate.T_mount_cam
+        return _are_one(self.started_at, edges, self.segmenter.scene.radius)
 
     @property
     def borne_out(self) -> bool:
@@ -113,7 +115,15 @@ class Look:
         lap("masks")
         refinement, quality = segmenter.refine(before_edges)
         lap("edges")
-        return cls(segmenter, candidates, _margin(candidates), before_edges, refinement, quality)
+        return cls(
+            segmenter,
+            candidates,
+            _margin(candidates),
+            T_mount_cam,
+            before_edges,
+            refinement,
+            quality,
+        )
 
 
 def looked(segmenter: ClassicalSegmenter, lap: Callable[[str], None]) -> Look:
