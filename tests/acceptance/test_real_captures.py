@@ -32,7 +32,7 @@ overlaps with them a little less than the best can."""
 
 LEAST_IOU = {"xarm7_realsense": 0.93, "lbr_med7_realsense": 0.915}
 """Reached through the lens, and with the sag, that the masks ask for. Through the lens in
-camera_info, which states no distortion, 0.930 and 0.915 are the most that any pose nearby reaches."""
+camera_info, which states no distortion, 0.930 and 0.915 are the most that poses nearby reach."""
 
 MOST_MEMORY = 1.5e9
 SUBSETS, SUBSET_SIZE = 20, 5
