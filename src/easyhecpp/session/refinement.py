@@ -102,7 +102,7 @@ def refine_asked(state: Refined, stages: Stages, config: SolveConfig) -> Refined
     if findings.sag_asked and SAG not in {strain.name for strain in state.corrections}:
         asked.append(SAG)
     # Both together; where the views cannot tell that many, the first alone.
-    for some in (asked, asked[:1]):
+    for some in dict.fromkeys((tuple(asked), tuple(asked[:1]))):
         priors = read_priors(some, state.capture.robot.joint_names)
         with suppress(CalibrationError):
             return _refined(state, priors, stages, config) if priors else state

@@ -25,7 +25,6 @@ from easyhecpp.solve.all_unknowns import (
     without_pose,
 )
 from easyhecpp.solve.correlated import covariance_inflation
-from easyhecpp.solve.joint_noise import UNDERSTATED
 from easyhecpp.solve.joint_offsets import SAG, SAG_PRIOR, joints_as_they_stand
 from easyhecpp.solve.lens import FOCAL_PRIOR, LENS, LENS_PRIOR, bent
 from easyhecpp.solve.problem import PoseProblem
@@ -189,8 +188,8 @@ def _by_joint_errors(views: F64, sides: F64, free: NDArray[np.int64], solved: F6
         ``(f, f)``.
     """
     noise = joint_noise_beside(views, sides, free[POSE:], solved[POSE:])
-    pull = views[:, free, JOINTS]
-    return UNDERSTATED * noise.variance * np.einsum("vij,vkj->ik", pull, pull)
+    and_joints = np.r_[free, np.arange(views.shape[1])[JOINTS]]
+    return replace(noise, shared=len(free)).pulls(views[:, and_joints[:, None], and_joints])
 
 
 def _refuse_unknowable(

@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 _SAME_POSE = 0.03
 """Poses less far apart than that share of the arm's size, and that many radians, are one."""
 _ROUNDS = 3
-"""Of masks and edges, at most, until these agree on the pose."""
+"""Of masks and edges, at most, until the edges leave the camera where they were read from."""
 _BORNE_OUT, _BORNE_OUT_ALIKE = 0.6, 0.7
 """Edges tell a pose from another when they lie on so much of its outline, and on less than that
 share of as much of the other's: right poses have them on three quarters, wrong ones on a fifth,
